@@ -1,0 +1,87 @@
+# SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+# SPDX-License-Identifier: Apache-2.0
+
+# How this repository's own programs, examples and tests are compiled. None of it reaches a consumer.
+
+if(PROJECT_IS_TOP_LEVEL AND NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+  set(CMAKE_BUILD_TYPE Release CACHE STRING "Build type" FORCE)
+endif()
+
+# The oldest standard that we promise, whatever this compiler's default is.
+set(CMAKE_CXX_STANDARD 17)
+set(CMAKE_CUDA_STANDARD 17)
+
+set(TURBOMAP_TEST_PREFIX "" CACHE STRING "Prefix of the names of the tests, to tell several builds apart in one ctest run")
+
+# Recorded data that some tests and examples read; they skip themselves without it. An empty value leaves the choice to the
+# environment variable TURBOMAP_DATA_DIR when the tests run.
+set(turbomap_data_default "$ENV{TURBOMAP_DATA_DIR}")
+if(NOT turbomap_data_default)
+  cmake_path(SET turbomap_data_default NORMALIZE "${PROJECT_SOURCE_DIR}/../shared/data")
+  if(NOT IS_DIRECTORY "${turbomap_data_default}")
+    set(turbomap_data_default "")
+  endif()
+endif()
+set(TURBOMAP_DATA_DIR "${turbomap_data_default}" CACHE PATH "Folder of the recorded data")
+
+# Every policy in one program: sequential, OpenMP and TBB are always there.
+find_package(OpenMP REQUIRED COMPONENTS CXX)
+find_package(TBB CONFIG REQUIRED)
+
+add_library(turbomap_developer INTERFACE)
+target_link_libraries(turbomap_developer INTERFACE turbomap::turbomap OpenMP::OpenMP_CXX TBB::tbb Threads::Threads)
+set(turbomap_is_cxx "$<COMPILE_LANG_AND_ID:CXX,GNU,Clang,AppleClang>")
+set(turbomap_is_nvcc "$<COMPILE_LANG_AND_ID:CUDA,NVIDIA>")
+target_compile_options(turbomap_developer INTERFACE
+  "$<${turbomap_is_cxx}:-Wall;-Wextra;-Wpedantic>"
+  # 20012: Eigen's defaulted functions with an execution space; harmless. 20011 and 20014 (a host function called on the
+  # device) are never suppressed.
+  "$<${turbomap_is_nvcc}:-diag-suppress=20012;-Xcompiler=-Wall,-Wextra>")
+if(TURBOMAP_WERROR)
+  target_compile_options(turbomap_developer INTERFACE
+    "$<${turbomap_is_cxx}:-Werror>" "$<${turbomap_is_nvcc}:-Werror=cross-execution-space-call>")
+endif()
+if(TURBOMAP_NATIVE_ARCH)
+  target_compile_options(turbomap_developer INTERFACE "$<${turbomap_is_cxx}:-march=native>")
+  if(CMAKE_CXX_COMPILER_ID STREQUAL GNU AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
+    # g++ 12 warns of its own AVX-512 intrinsics (GCC bug 105593) wherever Eigen inlines them. The builds for any processor
+    # keep both warnings.
+    target_compile_options(turbomap_developer INTERFACE
+      "$<${turbomap_is_cxx}:-Wno-maybe-uninitialized;-Wno-array-bounds>")
+  endif()
+endif()
+if(TURBOMAP_SANITIZE)
+  set(turbomap_sanitizer_flags -fsanitize=${TURBOMAP_SANITIZE} -fno-omit-frame-pointer)
+  target_compile_options(turbomap_developer INTERFACE "$<${turbomap_is_cxx}:${turbomap_sanitizer_flags}>")
+  target_link_options(turbomap_developer INTERFACE ${turbomap_sanitizer_flags})
+endif()
+
+# turbomap_add_program(NAME SOURCE... [CUDA_SOURCES SOURCE.cu...])
+# An executable <build>/bin/NAME. In a build with CUDA, CUDA_SOURCES are part of it, TURBOMAP_PROGRAM_WITH_CUDA=1 is defined
+# in all its files, and a source DIR/FILE.cpp is replaced by DIR/cuda/FILE.cu where that exists. nvcc is never given a .cpp:
+# it cannot compile Thrust's OpenMP backend there, so a .cu file names no OpenMP policy.
+function(turbomap_add_program name)
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "CUDA_SOURCES")
+  set(sources ${arg_UNPARSED_ARGUMENTS})
+  if(TURBOMAP_WITH_CUDA)
+    set(replaced "")
+    foreach(source IN LISTS sources)
+      cmake_path(ABSOLUTE_PATH source OUTPUT_VARIABLE path)
+      cmake_path(GET path PARENT_PATH folder)
+      cmake_path(GET path STEM stem)
+      if(EXISTS "${folder}/cuda/${stem}.cu")
+        list(APPEND replaced "${folder}/cuda/${stem}.cu")
+      else()
+        list(APPEND replaced "${source}")
+      endif()
+    endforeach()
+    set(sources ${replaced} ${arg_CUDA_SOURCES})
+  endif()
+  add_executable(${name} ${sources})
+  target_link_libraries(${name} PRIVATE turbomap_developer)
+  set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY "${turbomap_BINARY_DIR}/bin")
+  if(TURBOMAP_WITH_CUDA)
+    target_link_libraries(${name} PRIVATE CUDA::cudart_static)
+    target_compile_definitions(${name} PRIVATE TURBOMAP_PROGRAM_WITH_CUDA=1)
+  endif()
+endfunction()

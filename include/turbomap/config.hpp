@@ -1,0 +1,57 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The only file that asks the compiler what it is. Everything else uses the names defined here.
+
+#define TURBOMAP_VERSION_MAJOR 0
+#define TURBOMAP_VERSION_MINOR 1
+#define TURBOMAP_VERSION_PATCH 0
+
+#if defined(__CUDACC__)
+#define TURBOMAP_HAS_CUDA 1
+#define TURBOMAP_HD __host__ __device__
+#else
+#define TURBOMAP_HAS_CUDA 0
+#define TURBOMAP_HD
+#endif
+
+#if !TURBOMAP_HAS_CUDA && !defined(THRUST_DEVICE_SYSTEM)
+#error "turbomap: THRUST_DEVICE_SYSTEM is not defined, and without it Thrust assumes CUDA. Link the CMake target \
+turbomap::turbomap, or compile with -DTHRUST_DEVICE_SYSTEM=THRUST_DEVICE_SYSTEM_CPP (or _OMP, _TBB)."
+#endif
+
+// A program may mix .cpp and .cu files, and files compiled for different processors: code that depends on the compiler
+// or its target lives in an inline namespace named after both, so that the linker never merges two versions of it.
+// Plain data (types, options, plans, views) and the traits that users specialise live in `turbomap` itself.
+#define TURBOMAP_DETAIL_JOIN2(a, b) a##b
+#define TURBOMAP_DETAIL_JOIN(a, b) TURBOMAP_DETAIL_JOIN2(a, b)
+#if TURBOMAP_HAS_CUDA
+#define TURBOMAP_DETAIL_COMPILER nvcc
+#else
+#define TURBOMAP_DETAIL_COMPILER host
+#endif
+#if defined(__AVX512VPOPCNTDQ__) && defined(__AVX512VL__)
+#define TURBOMAP_DETAIL_TARGET _avx512
+#elif defined(__AVX2__) && defined(__FMA__)
+#define TURBOMAP_DETAIL_TARGET _avx2
+#elif defined(__POPCNT__)
+#define TURBOMAP_DETAIL_TARGET _popcnt
+#else
+#define TURBOMAP_DETAIL_TARGET _base
+#endif
+#define TURBOMAP_ABI TURBOMAP_DETAIL_JOIN(TURBOMAP_DETAIL_COMPILER, TURBOMAP_DETAIL_TARGET)
+
+#define TURBOMAP_BEGIN_NAMESPACE \
+  namespace turbomap {           \
+  inline namespace TURBOMAP_ABI {
+#define TURBOMAP_END_NAMESPACE \
+  }                            \
+  }
+
+// Declared here first: otherwise a header that opens turbomap::detail for plain data before any code does would make the
+// name ambiguous.
+TURBOMAP_BEGIN_NAMESPACE
+namespace detail {}
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,45 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// A non-owning view of contiguous elements; C++17 has no std::span.
+
+#include <cstddef>
+#include <type_traits>
+#include <utility>
+
+#include "config.hpp"
+
+namespace turbomap {
+
+/// Pointer and length; where the elements live (host or device) is known from where the span came from.
+template <class T>
+class span {
+ public:
+  using value_type = std::remove_const_t<T>;
+
+  constexpr span() = default;
+  TURBOMAP_HD constexpr span(T* data, std::size_t size) : data_(data), size_(size) {}
+  /// From any container with data() and size(); a span of const may be made of one of non-const.
+  template <class Container, class = std::enable_if_t<std::is_convertible_v<
+                                 decltype(std::declval<Container&>().data()), T*>>>
+  constexpr span(Container& container) : data_(container.data()), size_(container.size()) {}
+  template <class Container, class = std::enable_if_t<std::is_convertible_v<
+                                 decltype(std::declval<const Container&>().data()), T*>>>
+  constexpr span(const Container& container) : data_(container.data()), size_(container.size()) {}
+
+  TURBOMAP_HD constexpr T* data() const { return data_; }
+  TURBOMAP_HD constexpr std::size_t size() const { return size_; }
+  TURBOMAP_HD constexpr bool empty() const { return size_ == 0; }
+  TURBOMAP_HD constexpr T& operator[](std::size_t i) const { return data_[i]; }
+  TURBOMAP_HD constexpr T* begin() const { return data_; }
+  TURBOMAP_HD constexpr T* end() const { return data_ + size_; }
+  TURBOMAP_HD constexpr span subspan(std::size_t offset, std::size_t count) const { return {data_ + offset, count}; }
+
+ private:
+  T* data_ = nullptr;
+  std::size_t size_ = 0;
+};
+
+}  // namespace turbomap

@@ -1,0 +1,14 @@
+# SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+# SPDX-License-Identifier: Apache-2.0
+
+# The tests of tests/consumer as part of this project's: one per way of using the library.
+foreach(mode IN ITEMS package subdirectory fetch)
+  set(test ${TURBOMAP_TEST_PREFIX}consumer_${mode})
+  add_test(NAME ${test} COMMAND "${CMAKE_COMMAND}"
+    -D "MODE=${mode}" -D "SOURCE=${turbomap_SOURCE_DIR}" -D "BUILD=${turbomap_BINARY_DIR}"
+    -D "SCRATCH=${CMAKE_CURRENT_BINARY_DIR}/consumer" -D "GENERATOR=${CMAKE_GENERATOR}"
+    -D "CXX=${CMAKE_CXX_COMPILER}" -D "CUDA=${TURBOMAP_WITH_CUDA}" -D "NVCC=${CMAKE_CUDA_COMPILER}"
+    -D "CUDA_ARCHITECTURES=${CMAKE_CUDA_ARCHITECTURES}" -D "PREFIX_PATH=${CMAKE_PREFIX_PATH}"
+    -P "${CMAKE_CURRENT_LIST_DIR}/run.cmake")
+  set_tests_properties(${test} PROPERTIES TIMEOUT 600 LABELS consumer)
+endforeach()
