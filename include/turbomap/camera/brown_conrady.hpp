@@ -1,0 +1,124 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The pinhole camera with radial and tangential lens distortion of Brown and Conrady, five coefficients as in OpenCV.
+
+#include <cmath>
+
+#include "pinhole.hpp"
+#include "radial.hpp"
+#include "sampled_resolution.hpp"
+
+namespace turbomap {
+
+/// With a = x/z, b = y/z, r^2 = a^2 + b^2 and g = 1 + k1 r^2 + k2 r^4 + k3 r^6:
+/// u = fx (a g + 2 p1 a b + p2 (r^2 + 2 a^2)) + cx, v = fy (b g + p1 (r^2 + 2 b^2) + 2 p2 a b) + cy.
+/// Not defined behind the camera, z <= 0, nor beyond the radius where r g stops rising.
+template <class T>
+struct brown_conrady {
+  using scalar = T;
+  T fx = 1, fy = 1;  ///< focal lengths, px
+  T cx = 0, cy = 0;  ///< principal point, px
+  T k1 = 0, k2 = 0;  ///< radial
+  T p1 = 0, p2 = 0;  ///< tangential
+  T k3 = 0;          ///< radial; in OpenCV's order of the five
+
+  /// The pixel of a point in camera coordinates. False, and `pixel` untouched, where the model is not defined.
+  template <class S, class = detail::this_target>
+  TURBOMAP_HD bool project(const vec3<S>& point, vec2<S>& pixel) const {
+    if (!(point.z > S(0))) return false;
+    const vec2<S> ideal{point.x / point.z, point.y / point.z};
+    if (radial<S>().first_fold(ideal.x * ideal.x + ideal.y * ideal.y) > S(0)) return false;
+    const vec2<S> d = distort(ideal);
+    return detail::store_pixel<S>(S(fx) * d.x + S(cx), S(fy) * d.y + S(cy), pixel);
+  }
+
+  /// The unit ray of a pixel, in camera coordinates, by Newton's method. False, and `bearing` untouched, for a pixel
+  /// that no ray reaches.
+  template <class S, class = detail::this_target>
+  TURBOMAP_HD bool unproject(const vec2<S>& pixel, vec3<S>& bearing) const {
+    using std::sqrt;
+    if (!detail::is_finite(pixel.x) || !detail::is_finite(pixel.y)) return false;
+    const vec2<S> goal{(pixel.x - S(cx)) / S(fx), (pixel.y - S(cy)) / S(fy)};
+    // A solution to rounding is taken; another step is made even when the residual is zero, for the sake of dual
+    // numbers.
+    const S unit(detail::epsilon<S>::value), size = S(1) + goal.x * goal.x + goal.y * goal.y;
+    const S small = S(16) * unit * unit * size, acceptable = S(4096) * unit * unit * size;
+    vec2<S> ideal = goal;
+    S residual(0);
+    for (int i = 0; i < 30; ++i) {
+      const vec2<S> d = distort(ideal);
+      const vec2<S> e{d.x - goal.x, d.y - goal.y};
+      S a, b, c;  // the symmetric Jacobian [a b; b c]
+      distortion_jacobian(ideal, a, b, c);
+      const S determinant = a * c - b * b;
+      residual = e.x * e.x + e.y * e.y;
+      if (!(determinant > S(0))) return false;
+      ideal = {ideal.x - (c * e.x - b * e.y) / determinant, ideal.y - (a * e.y - b * e.x) / determinant};
+      if (residual <= small) break;
+    }
+    const S r2 = ideal.x * ideal.x + ideal.y * ideal.y;
+    if (!(residual <= acceptable) || radial<S>().first_fold(r2) > S(0)) return false;
+    const S length = sqrt(r2 + S(1));
+    bearing = {ideal.x / length, ideal.y / length, S(1) / length};
+    return true;
+  }
+
+  /// d pixel / d point, px per unit of the point. False, and untouched, where the model is not defined.
+  template <class S, class = detail::this_target>
+  TURBOMAP_HD bool jacobian(const vec3<S>& point, mat23<S>& d_pixel_d_point) const {
+    if (!(point.z > S(0))) return false;
+    const vec2<S> i{point.x / point.z, point.y / point.z};
+    if (radial<S>().first_fold(i.x * i.x + i.y * i.y) > S(0)) return false;
+    S a, b, c;
+    distortion_jacobian(i, a, b, c);
+    const S f = S(fx) / point.z, g = S(fy) / point.z;
+    d_pixel_d_point = {{f * a, f * b, -(f * (a * i.x + b * i.y)), g * b, g * c, -(g * (b * i.x + c * i.y))}};
+    return true;
+  }
+
+  /// False: its image is not rectilinear.
+  TURBOMAP_HD bool as_pinhole(pinhole<double>&) const { return false; }
+
+  /// Two pixels are at least this many px apart per radian between their rays; sampled (see sampled_resolution.hpp), 0
+  /// when a part of the image has no ray.
+  double min_pixels_per_radian(const image_bounds& bounds) const {
+    return detail::sampled_min_pixels_per_radian(*this, bounds);
+  }
+
+  /// Throws std::invalid_argument naming the parameter that no camera can have.
+  void validate() const {
+    detail::validate_intrinsics(*this);
+    require(detail::is_finite(k1), "k1", k1, "a distortion coefficient must be finite");
+    require(detail::is_finite(k2), "k2", k2, "a distortion coefficient must be finite");
+    require(detail::is_finite(p1), "p1", p1, "a distortion coefficient must be finite");
+    require(detail::is_finite(p2), "p2", p2, "a distortion coefficient must be finite");
+    require(detail::is_finite(k3), "k3", k3, "a distortion coefficient must be finite");
+  }
+
+ private:
+  template <class S, class = detail::this_target>
+  TURBOMAP_HD detail::radial_polynomial<S> radial() const {
+    return {S(k1), S(k2), S(k3), S(0)};
+  }
+
+  template <class S, class = detail::this_target>
+  TURBOMAP_HD vec2<S> distort(const vec2<S>& i) const {
+    const S aa = i.x * i.x, bb = i.y * i.y, ab2 = S(2) * (i.x * i.y), r2 = aa + bb, g = radial<S>().factor(r2);
+    return {i.x * g + (S(p1) * ab2 + S(p2) * (r2 + S(2) * aa)), i.y * g + (S(p1) * (r2 + S(2) * bb) + S(p2) * ab2)};
+  }
+
+  /// d distort = [a b; b c].
+  template <class S, class = detail::this_target>
+  TURBOMAP_HD void distortion_jacobian(const vec2<S>& i, S& a, S& b, S& c) const {
+    const S r2 = i.x * i.x + i.y * i.y, g = radial<S>().factor(r2);
+    const S dg = S(2) * (S(k1) + r2 * (S(2) * S(k2) + r2 * (S(3) * S(k3))));  // dg/da = a dg
+    a = g + i.x * i.x * dg + S(2) * (S(p1) * i.y) + S(6) * (S(p2) * i.x);
+    b = i.x * i.y * dg + S(2) * (S(p1) * i.x + S(p2) * i.y);
+    c = g + i.y * i.y * dg + S(6) * (S(p1) * i.y) + S(2) * (S(p2) * i.x);
+  }
+};
+
+}  // namespace turbomap

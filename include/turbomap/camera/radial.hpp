@@ -1,0 +1,71 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Radial distortion polynomials d(r) = r (1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8), r = radius or angle. Fitted inside
+/// the image only, they may fold back outside of it: there two rays share a pixel and the model means nothing.
+
+#include <cmath>
+
+#include "../config.hpp"
+#include "../math/functions.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+
+template <class S>
+struct radial_polynomial {
+  S k1, k2, k3, k4;
+
+  /// d(r) / r, with z = r^2.
+  TURBOMAP_HD S factor(const S& z) const { return S(1) + z * (k1 + z * (k2 + z * (k3 + z * k4))); }
+
+  /// d'(r), with z = r^2.
+  TURBOMAP_HD S slope(const S& z) const {
+    return S(1) + z * (S(3) * k1 + z * (S(5) * k2 + z * (S(7) * k3 + z * (S(9) * k4))));
+  }
+
+  static constexpr int samples = 32;  ///< a fold and unfold within 1/32 of r^2 goes unnoticed; no lens does that
+
+  /// A radius^2 in (0, z] where d does not rise, the first of the samples; 0 when it rises all the way.
+  TURBOMAP_HD S first_fold(const S& z) const {
+    // Without its positive terms the slope only falls, so its value at z bounds it everywhere before: usually enough.
+    const S zero(0);
+    const S bound = S(1) + z * ((k1 < zero ? S(3) * k1 : zero) +
+                                z * ((k2 < zero ? S(5) * k2 : zero) +
+                                     z * ((k3 < zero ? S(7) * k3 : zero) + z * (k4 < zero ? S(9) * k4 : zero))));
+    if (bound > zero) return zero;
+    for (int i = 1; i <= samples; ++i) {
+      const S t = z * (S(i) * S(1.0 / samples));
+      if (!(slope(t) > zero)) return t;
+    }
+    return zero;
+  }
+
+  /// Solves d(r) = y for the least r in [0, end], y >= 0, by Newton's method kept inside a bracket that shrinks. What
+  /// comes out is to be checked by the caller: the end of the bracket when there is no solution.
+  TURBOMAP_HD S solve(const S& y, const S& end) const {
+    const S tolerance(2 * epsilon<S>::value);
+    S low(0), high = end, r = y < end ? y : end;
+    for (int i = 0; i < 60; ++i) {  // bisection alone would need 53
+      const S z = r * r, rise = slope(z), error = r * factor(z) - y;
+      const bool rising = rise > S(0);
+      if (error > S(0) || !rising)
+        high = r;
+      else
+        low = r;
+      S next = rising ? r - error / rise : low;
+      if (!rising || !(next >= low && next <= high)) next = S(0.5) * (low + high);
+      const S step = next - r;
+      r = next;
+      if (step <= tolerance * r && -step <= tolerance * r) break;
+    }
+    return r;
+  }
+};
+
+}  // namespace detail
+
+TURBOMAP_END_NAMESPACE

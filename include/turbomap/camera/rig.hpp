@@ -1,0 +1,98 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Cameras mounted on one body. A keyframe's pose is that of the body; each camera adds its own place on it.
+
+#include <cmath>
+
+#include "../config.hpp"
+#include "../error.hpp"
+#include "../math/functions.hpp"
+#include "../types.hpp"
+#include "camera_concept.hpp"
+#include "resolution_profile.hpp"
+
+namespace turbomap {
+
+/// One camera of a rig.
+template <class Camera>
+struct rig_camera {
+  Camera camera;
+  rigid_transform<double> T_camera_body;  ///< maps body to camera coordinates, metres; identity: the camera is the body
+  /// Focal length times baseline, px m, of a rectified stereo pair whose left image this is: u_right = u - bf / depth.
+  /// 0: there is no right image.
+  double bf = 0;
+  /// measure_resolution(camera, bounds): makes windows of an epipolar-ordered search on a curved image. The keyframe
+  /// store measures what comes unmeasured.
+  resolution_profile resolution = {};
+};
+
+/// The cameras of a rig wherever they are stored, of a number known at run time only.
+template <class Camera>
+struct rig_view {
+  const rig_camera<Camera>* cameras = nullptr;
+  int count = 0;
+
+  TURBOMAP_HD constexpr int size() const { return count; }
+  TURBOMAP_HD constexpr const rig_camera<Camera>& operator[](int i) const { return cameras[i]; }
+};
+
+/// N cameras of one type on one body; any_camera makes rigs of mixed models.
+template <class Camera, int N>
+struct rig {
+  static_assert(N > 0, "turbomap: a rig has at least one camera");
+  using camera_type = Camera;
+  rig_camera<Camera> cameras[N];
+
+  TURBOMAP_HD static constexpr int size() { return N; }
+  TURBOMAP_HD constexpr const rig_camera<Camera>& operator[](int i) const { return cameras[i]; }
+  /// Valid as long as the rig.
+  rig_view<Camera> view() const { return {cameras, N}; }
+};
+
+/// One camera; also a rectified stereo pair seen as its left image plus u_right (set bf).
+template <class Camera>
+using mono_rig = rig<Camera, 1>;
+/// Two cameras treated as two views.
+template <class Camera>
+using stereo_rig = rig<Camera, 2>;
+
+/// A rig of one camera that is its own body; `bf` (px m) makes it a rectified stereo pair.
+template <class Camera>
+mono_rig<Camera> make_mono_rig(const Camera& camera, double bf = 0) {
+  static_assert(require_camera<Camera>());
+  return {{{camera, {}, bf, {}}}};
+}
+
+/// A rig of two cameras whose body is the left one; `T_right_left` maps left to right camera coordinates.
+template <class Camera>
+stereo_rig<Camera> make_stereo_rig(const Camera& left, const Camera& right,
+                                   const rigid_transform<double>& T_right_left) {
+  static_assert(require_camera<Camera>());
+  return {{{left, {}, 0, {}}, {right, T_right_left, 0, {}}}};
+}
+
+/// Throws std::invalid_argument when a rig has no camera, a camera that cannot be, a transform that is not finite or
+/// whose quaternion is not of unit length within 1e-3, or a negative bf.
+template <class Camera>
+void validate_rig(const rig_view<Camera>& rig) {
+  static_assert(require_camera<Camera>());
+  require(rig.count > 0 && rig.cameras != nullptr, "rig.count", rig.count, "a rig has at least one camera");
+  for (int i = 0; i < rig.count; ++i) {
+    const rig_camera<Camera>& c = rig[i];
+    const rigid_transform<double>& T = c.T_camera_body;
+    validate_camera(c.camera);
+    const double n = std::sqrt(T.qx * T.qx + T.qy * T.qy + T.qz * T.qz + T.qw * T.qw), t = T.tx + T.ty + T.tz;
+    require(detail::is_finite(n) && std::abs(n - 1) < 1e-3, "T_camera_body quaternion norm", n, "must be 1");
+    require(detail::is_finite(t), "T_camera_body translation", t, "must be finite");
+    require(detail::is_finite(c.bf) && c.bf >= 0, "bf", c.bf, "must be finite and not negative");
+  }
+}
+template <class Camera, int N>
+void validate_rig(const rig<Camera, N>& rig) {
+  validate_rig(rig.view());
+}
+
+}  // namespace turbomap
