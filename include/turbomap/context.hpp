@@ -1,0 +1,188 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The first argument of every algorithm: an execution policy with the memory that its calls reuse.
+
+#include <cstddef>
+#include <memory_resource>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "array.hpp"
+#include "memory.hpp"
+#include "parallel.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Hands out pieces of reusable memory in one direction and takes them all back at once. After the first calls it owns
+/// one block that is large enough, and allocates no more.
+template <class Memory>
+class scratch_arena {
+ public:
+  explicit scratch_arena(std::pmr::memory_resource* resource) : resource_(resource) {}
+  scratch_arena(scratch_arena&&) = default;
+  scratch_arena& operator=(scratch_arena&&) = default;
+
+  /// `n` elements of unspecified value, valid until the next reset().
+  template <class T>
+  T* take(std::size_t n) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    const std::size_t bytes = align_up(n * sizeof(T));
+    if (blocks_.empty() || used_ + bytes > blocks_.back().size()) add_block(bytes);
+    std::byte* piece = blocks_.back().data() + used_;
+    used_ += bytes;
+    return reinterpret_cast<T*>(piece);
+  }
+
+  /// Whether reset() will exchange the blocks for a single one.
+  bool fragmented() const { return blocks_.size() > 1; }
+
+  /// Takes everything back. Whoever calls it knows that nothing enqueued still uses the memory of this arena, or that it is
+  /// used in the same stream order.
+  void reset() {
+    if (blocks_.size() > 1) {
+      std::size_t total = 0;
+      for (const auto& block : blocks_) total += block.size();
+      blocks_.clear();
+      used_ = 0;
+      add_block(total);
+    }
+    used_ = 0;
+  }
+
+ private:
+  static constexpr std::size_t smallest_block = std::size_t{1} << 16;
+
+  void add_block(std::size_t bytes) {
+    array<std::byte, Memory> block(resource_);
+    block.resize_discard(bytes > smallest_block ? bytes : smallest_block);
+    blocks_.push_back(std::move(block));
+    used_ = 0;
+  }
+
+  std::pmr::memory_resource* resource_;
+  std::vector<array<std::byte, Memory>> blocks_;
+  std::size_t used_ = 0;
+};
+
+/// A block of host memory that is filled by the caller and then sent to the policy's memory in one copy.
+struct upload_block {
+  std::byte* host;
+  std::byte* resident;
+};
+
+/// An execution policy, its stream and reusable memory. `context ctx{thrust::host};`, `{thrust::omp::par}`,
+/// `{thrust::device}`, `{thrust::cuda::par_nosync.on(stream)}`. Not shared between threads; any number may live side by
+/// side, also on one GPU. In the steady state no call allocates. Move-only.
+template <class Policy>
+class context {
+ public:
+  using policy_type = Policy;
+  using memory_type = memory_of_t<Policy>;
+
+  /// \param policy    any Thrust execution policy
+  /// \param resource  where scratch and results of this context live; the policy's own memory when not given
+  /// \param staging   host memory that calls are packed in before they are sent (pinned for CUDA when not given)
+  explicit context(Policy policy = Policy(), std::pmr::memory_resource* resource = default_resource(memory_type{}),
+                   std::pmr::memory_resource* staging = default_staging_resource(memory_type{}))
+      : policy_(std::move(policy)), resource_(resource), scratch_(resource), staging_(staging) {}
+  context(context&&) = default;
+  /// Work that is still enqueued may use this memory: waits for it.
+  ~context() {
+    if (resource_ != nullptr) wait_quietly();
+  }
+
+  const Policy& policy() const { return policy_; }
+  std::pmr::memory_resource* resource() const { return resource_; }
+
+  /// Starts a call: the scratch of the previous one is taken back. Later work of the same stream may overwrite it, because
+  /// it runs after that call's.
+  void begin_call() {
+    if (scratch_.fragmented()) synchronize();  // its blocks are about to be freed
+    scratch_.reset();
+  }
+
+  /// `n` elements in the policy's memory, valid for work enqueued before the next begin_call().
+  template <class T>
+  T* scratch(std::size_t n) {
+    return scratch_.template take<T>(n);
+  }
+
+  /// The block a call packs its inputs into; `target` holds them in the policy's memory. Waits only if the previous call of
+  /// this context is still under way.
+  upload_block begin_upload(array<std::byte, memory_type>& target, std::size_t bytes) {
+    if (upload_in_flight_) synchronize();
+    target.resize_discard(bytes);
+    if constexpr (std::is_same_v<memory_type, host_memory>) return {target.data(), target.data()};
+    staging_.resize_discard(bytes);
+    return {staging_.data(), target.data()};
+  }
+  /// Sends it: one copy (none under a host policy).
+  void send(const upload_block& block, std::size_t bytes) {
+    copy_in(policy_, block.resident, block.host, bytes);
+    upload_in_flight_ = !std::is_same_v<memory_type, host_memory>;
+  }
+
+  /// Waits until all work of this context is done.
+  void synchronize() {
+    turbomap::synchronize(policy_);
+    upload_in_flight_ = false;
+  }
+
+ private:
+  void wait_quietly() noexcept {
+    try {
+      turbomap::synchronize(policy_);
+    } catch (...) {  // a destructor cannot report it; the next call of this stream does
+    }
+  }
+
+  Policy policy_;
+  std::pmr::memory_resource* resource_;
+  scratch_arena<memory_type> scratch_;
+  array<std::byte, host_memory> staging_;
+  bool upload_in_flight_ = false;
+};
+
+template <class Policy>
+context(Policy) -> context<Policy>;
+
+template <class T>
+struct is_context : std::false_type {};
+template <class Policy>
+struct is_context<context<Policy>> : std::true_type {};
+
+/// \name A bare policy works too
+/// Algorithms take `Execution&& execution` and compute with `as_context(execution)`: the context itself, or a temporary one
+/// around the policy.
+/// @{
+template <class Policy>
+context<Policy>& as_context(context<Policy>& ctx) {
+  return ctx;
+}
+template <class Policy, class = std::enable_if_t<!is_context<Policy>::value>>
+context<Policy> as_context(const Policy& policy) {
+  return context<Policy>(policy);
+}
+/// @}
+
+/// The policy type behind a context or a bare policy.
+template <class Execution>
+struct policy_of {
+  using type = std::decay_t<Execution>;
+};
+template <class Policy>
+struct policy_of<context<Policy>> {
+  using type = Policy;
+};
+template <class Execution>
+using policy_of_t = typename policy_of<std::decay_t<Execution>>::type;
+
+/// Host or device memory behind a context or a bare policy.
+template <class Execution>
+using execution_memory_t = memory_of_t<policy_of_t<Execution>>;
+
+TURBOMAP_END_NAMESPACE

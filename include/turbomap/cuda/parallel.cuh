@@ -1,0 +1,56 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// parallel.hpp under a CUDA policy: stream-ordered, nothing waits unless it says so.
+
+#include <cstddef>
+
+#include "memory.cuh"
+#include "tuning.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+template <class Function>
+__global__ void __launch_bounds__(for_each_tuning::block_size) for_each_index_kernel(int n, Function f) {
+  const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+  if (i < n) f(i);
+}
+
+template <class Derived, class Function>
+void for_each_index(const thrust::cuda_cub::execution_policy<Derived>& policy, int n, Function f) {
+  if (n <= 0) return;
+  constexpr int block = for_each_tuning::block_size;
+  for_each_index_kernel<<<(n + block - 1) / block, block, 0, stream_of(policy)>>>(n, f);
+  check_cuda(cudaGetLastError(), "launch of for_each_index");
+}
+
+template <class Derived>
+void copy_in(const thrust::cuda_cub::execution_policy<Derived>& policy, void* destination, const void* source,
+             std::size_t bytes) {
+  if (bytes == 0) return;
+  check_cuda(cudaMemcpyAsync(destination, source, bytes, cudaMemcpyHostToDevice, stream_of(policy)), "copy to the device");
+}
+
+template <class Derived>
+void copy_out(const thrust::cuda_cub::execution_policy<Derived>& policy, void* destination, const void* source,
+              std::size_t bytes) {
+  if (bytes == 0) return;
+  check_cuda(cudaMemcpyAsync(destination, source, bytes, cudaMemcpyDeviceToHost, stream_of(policy)),
+             "copy from the device");
+}
+
+template <class Derived>
+void fill_bytes(const thrust::cuda_cub::execution_policy<Derived>& policy, void* destination, unsigned char value,
+                std::size_t bytes) {
+  if (bytes == 0) return;
+  check_cuda(cudaMemsetAsync(destination, value, bytes, stream_of(policy)), "fill of device memory");
+}
+
+template <class Derived>
+void synchronize(const thrust::cuda_cub::execution_policy<Derived>& policy) {
+  check_cuda(cudaStreamSynchronize(stream_of(policy)), "wait for the stream");
+}
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,17 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Launch shapes of the kernels that are shared by all stages.
+
+#include "../config.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// for_each_index: one thread an index. 128 threads leave registers enough for the geometry of a pair (up to 512 each).
+struct for_each_tuning {
+  static constexpr int block_size = 128;
+};
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,61 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Which memory an execution policy computes in, and the default resources of that memory. Every buffer of the library
+/// takes a std::pmr::memory_resource, so a user's own allocator serves the host and the device alike.
+
+#include <cstddef>
+#include <memory_resource>
+#include <utility>
+
+#include <thrust/detail/execution_policy.h>
+
+#include "config.hpp"
+#include "error.hpp"
+
+namespace turbomap {
+
+/// Memory that the host reads and writes directly.
+struct host_memory {};
+
+/// Memory of a CUDA device.
+struct device_memory {};
+
+}  // namespace turbomap
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// \name The memory a policy computes in
+/// Host memory unless a more special overload (cuda/memory.cuh) says otherwise.
+/// @{
+template <class Derived>
+host_memory memory_of(const thrust::execution_policy<Derived>&);
+/// @}
+
+/// Bytes start at multiples of this in every packed block of the library: the widest vector load of host and device.
+inline constexpr std::size_t block_alignment = 64;
+
+/// `n` rounded up to a multiple of `alignment`.
+TURBOMAP_HD constexpr std::size_t align_up(std::size_t n, std::size_t alignment = block_alignment) {
+  return (n + alignment - 1) / alignment * alignment;
+}
+
+/// The resources of host memory: where a host policy computes, and where its calls are staged, are the same.
+inline std::pmr::memory_resource* default_resource(host_memory) { return std::pmr::get_default_resource(); }
+inline std::pmr::memory_resource* default_staging_resource(host_memory) { return std::pmr::get_default_resource(); }
+
+TURBOMAP_END_NAMESPACE
+
+#if TURBOMAP_HAS_CUDA
+#include "cuda/memory.cuh"
+#endif
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// host_memory or device_memory.
+template <class Policy>
+using memory_of_t = decltype(memory_of(std::declval<const Policy&>()));
+
+TURBOMAP_END_NAMESPACE

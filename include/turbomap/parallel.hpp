@@ -1,0 +1,55 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What every algorithm asks of an execution policy: run a function object for each index, move bytes between the host
+/// and the policy's memory, wait. The overloads for CUDA stand in cuda/parallel.cuh and are chosen by partial ordering.
+
+#include <cstddef>
+#include <cstring>
+
+#include <thrust/for_each.h>
+#include <thrust/iterator/counting_iterator.h>
+
+#include "config.hpp"
+#include "memory.hpp"
+
+#if TURBOMAP_HAS_CUDA
+#include "cuda/parallel.cuh"
+#endif
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Calls f(i) for i in [0, n), in any order and possibly concurrently, as the policy says. `f` is copied by value; on a
+/// device it must hold plain views only. Returns when the work is done (host) or enqueued (CUDA).
+template <class Derived, class Function>
+void for_each_index(const thrust::execution_policy<Derived>& policy, int n, Function f) {
+  thrust::for_each_n(thrust::detail::derived_cast(thrust::detail::strip_const(policy)), thrust::counting_iterator<int>(0),
+                     n, f);
+}
+
+/// Copies bytes from the host into the policy's memory. On CUDA: enqueued; the source must be pinned and stay unchanged
+/// until the stream has passed.
+template <class Derived>
+void copy_in(const thrust::execution_policy<Derived>&, void* destination, const void* source, std::size_t bytes) {
+  if (bytes != 0 && destination != source) std::memcpy(destination, source, bytes);
+}
+
+/// Copies bytes from the policy's memory to the host. On CUDA: enqueued; read the destination after synchronize().
+template <class Derived>
+void copy_out(const thrust::execution_policy<Derived>&, void* destination, const void* source, std::size_t bytes) {
+  if (bytes != 0 && destination != source) std::memcpy(destination, source, bytes);
+}
+
+/// Sets bytes in the policy's memory.
+template <class Derived>
+void fill_bytes(const thrust::execution_policy<Derived>&, void* destination, unsigned char value, std::size_t bytes) {
+  if (bytes != 0) std::memset(destination, value, bytes);
+}
+
+/// Waits until everything enqueued under the policy is done.
+template <class Derived>
+void synchronize(const thrust::execution_policy<Derived>&) {}
+
+TURBOMAP_END_NAMESPACE
