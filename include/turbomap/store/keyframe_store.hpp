@@ -1,0 +1,270 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Keeps the immutable part of keyframes in the memory of an execution policy: inserted once, named by handles, read
+/// through views by every search. See docs/keyframe_store.md for the layout in bytes.
+
+#include <cstddef>
+#include <cstdint>
+#include <list>
+#include <mutex>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "../config.hpp"
+#include "../error.hpp"
+#include "../memory.hpp"
+#include "../span.hpp"
+#include "../traits.hpp"
+#include "block_cache.hpp"
+#include "gather.hpp"
+#include "insertion_lanes.hpp"
+#include "keyframe_handle.hpp"
+#include "keyframe_packing.hpp"
+#include "keyframe_store_options.hpp"
+#include "keyframe_view.hpp"
+#include "memory_space.hpp"
+#include "pinned_keyframes.hpp"
+#include "slot_table.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// The store. `Memory` is host_memory for every host policy, device_memory for CUDA: `memory_of_t<Policy>`. A device
+/// store belongs to the device that is current when it is made.
+///
+/// All members may be called from any thread at any time, while contexts search what they have pinned. The lock is
+/// short: keyframes are packed and sent outside of it; only growth and paging happen inside. Neither copyable nor
+/// movable.
+template <class Descriptor, class Camera, class Memory = host_memory>
+class keyframe_store {
+ public:
+  using descriptor_type = Descriptor;
+  using camera_type = Camera;
+  using memory_type = Memory;
+  using data_type = keyframe_data<Descriptor, Camera>;
+  using view_type = keyframe_view<Descriptor, Camera>;
+  using pinned_type = pinned_keyframes<Descriptor, Camera, Memory>;
+
+  /// Throws std::invalid_argument naming the option when one makes no sense. Reserves nothing yet.
+  explicit keyframe_store(const keyframe_store_options& options = {})
+      : options_((validate(options), options)),
+        blocks_(options.resident != nullptr ? options.resident : default_resource(Memory{}),
+                options.paging != nullptr ? options.paging : default_staging_resource(Memory{}), options.chunk_bytes,
+                options.byte_budget),
+        lanes_(options.staging != nullptr ? options.staging : default_staging_resource(Memory{})) {}
+  keyframe_store(const keyframe_store&) = delete;
+  keyframe_store& operator=(const keyframe_store&) = delete;
+  /// Waits for the work that still reads its memory.
+  ~keyframe_store() {
+    for (auto& record : pending_) record.done.wait();
+  }
+
+  /// Inserts one keyframe: one packed upload (a packed copy in host memory). Returns when the caller may change its
+  /// arrays and any context may search it. Throws std::invalid_argument naming what is wrong with the data,
+  /// out_of_memory when there is no room even with everything paged out that is not pinned; the store is then as it
+  /// was. O(N + G log G).
+  keyframe_handle insert(const data_type& data) {
+    loan lane(lanes_);
+    return insert_through(*lane, data);
+  }
+  /// The same from the user's own type, read through keyframe_traits<KeyFrame> under its guard.
+  template <class KeyFrame>
+  keyframe_handle insert(const KeyFrame& keyframe) {
+    loan lane(lanes_);
+    return insert_through(*lane, gather(keyframe, lane->buffer));
+  }
+
+  /// Removes a keyframe. Its handle is stale at once; its memory is used again after the work that has it pinned.
+  /// Throws stale_handle. O(1), without a wait.
+  void erase(keyframe_handle handle) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    poll();
+    require_alive(handle, "handle");
+    slots_.retire(handle.slot);
+    if (!blocks_.pinned(handle.slot)) reclaim(handle.slot);
+  }
+
+  /// Holds keyframes in place for the work of `execution` (a context or a policy in the memory of this store), bringing
+  /// back those that were paged out. A handle may be named twice. Throws stale_handle naming index, slot and
+  /// generation; out_of_memory when they do not fit together with all that is pinned. In both cases nothing is pinned.
+  template <class Execution>
+  pinned_type pin(const Execution& execution, span<const keyframe_handle> handles) {
+    const auto order = order_of(detail::policy_in(execution));
+    static_assert(std::is_same_v<decltype(order), const work_order<Memory>>,
+                  "turbomap: this execution policy does not compute in the memory of this keyframe_store");
+    return pin_behind(order, handles);
+  }
+
+  bool contains(keyframe_handle handle) const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return slots_.alive(handle);
+  }
+  /// Keyframes that have not been erased.
+  std::size_t size() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return slots_.alive_count();
+  }
+  const keyframe_store_options& options() const { return options_; }
+
+  /// Counts of this moment. Also takes back the memory of erased keyframes whose readers have finished.
+  keyframe_store_statistics statistics() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    poll();
+    keyframe_store_statistics s;
+    const chunk_allocator &resident = blocks_.resident_memory(), &paged = blocks_.paged_memory();
+    s.keyframes = slots_.alive_count();
+    s.resident_blocks = resident.block_count();
+    s.paged_blocks = paged.block_count();
+    s.resident_bytes = resident.used_bytes();
+    s.paged_bytes = paged.used_bytes();
+    s.chunk_bytes = resident.reserved_bytes();
+    s.peak_chunk_bytes = resident.peak_bytes();
+    s.paging_chunk_bytes = paged.reserved_bytes();
+    s.pinned_sets = active_.size() + pending_.size();
+    s.uploads = uploads_;
+    s.page_ins = blocks_.page_ins();
+    s.page_outs = blocks_.page_outs();
+    const std::size_t blocks = s.resident_blocks + s.paged_blocks;
+    const auto bytes = static_cast<double>(s.resident_bytes + s.paged_bytes);
+    s.bytes_per_keyframe = blocks == 0 ? 0 : bytes / static_cast<double>(blocks);
+    return s;
+  }
+
+ private:
+  friend class pinned_keyframes<Descriptor, Camera, Memory>;
+  using record_type = detail::pin_record<Descriptor, Camera, Memory>;
+  using record_iterator = typename std::list<record_type>::iterator;
+  using loan = typename insertion_lanes<Descriptor, Camera, Memory>::loan;
+
+  /// A slot with a block that nobody else sees yet; undone unless published.
+  class reservation {
+   public:
+    reservation(keyframe_store& store, const keyframe_layout& layout) : store_(store) {
+      const std::lock_guard<std::mutex> lock(store.mutex_);
+      store.poll();
+      slot_ = store.slots_.acquire();
+      try {
+        if (store.layouts_.size() <= slot_) store.layouts_.resize(std::size_t{slot_} + 1);
+        store.waiting_for_room([&] { block_ = store.blocks_.place(slot_, layout.bytes); });
+      } catch (...) {
+        store.slots_.recycle(slot_);
+        throw;
+      }
+      store.layouts_[slot_] = layout;
+    }
+    reservation(const reservation&) = delete;
+    reservation& operator=(const reservation&) = delete;
+    ~reservation() {
+      if (published_) return;
+      const std::lock_guard<std::mutex> lock(store_.mutex_);
+      store_.unpin(slot_);
+    }
+    std::byte* block() const { return block_; }
+    keyframe_handle publish() {
+      const std::lock_guard<std::mutex> lock(store_.mutex_);
+      published_ = true;
+      ++store_.uploads_;
+      const keyframe_handle handle = store_.slots_.publish(slot_);
+      store_.unpin(slot_);
+      return handle;
+    }
+
+   private:
+    keyframe_store& store_;
+    std::uint32_t slot_;
+    std::byte* block_ = nullptr;
+    bool published_ = false;
+  };
+
+  keyframe_handle insert_through(insertion_lane<Descriptor, Camera, Memory>& lane, const data_type& data) {
+    const keyframe_layout layout = plan_packing(data, options_.packing, lane.scratch);
+    lane.transfer.reserve(layout.bytes);
+    reservation place(*this, layout);
+    std::byte* host = lane.transfer.packing_area(place.block());
+    pack(data, layout, lane.scratch, host);
+    lane.transfer.upload(place.block(), host, layout.bytes);
+    lane.transfer.wait();
+    return place.publish();
+  }
+
+  pinned_type pin_behind(work_order<Memory> order, span<const keyframe_handle> handles) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    poll();
+    for (std::size_t i = 0; i < handles.size(); ++i)
+      if (!slots_.alive(handles[i])) require_alive(handles[i], ("handles[" + std::to_string(i) + "]").c_str());
+    if (idle_.empty()) idle_.emplace_back();
+    const record_iterator record = idle_.begin();
+    record->slots.resize(handles.size());
+    record->views.resize(handles.size());
+    for (std::size_t i = 0; i < handles.size(); ++i) record->slots[i] = handles[i].slot;
+    waiting_for_room([&] { blocks_.pin(record->slots); });
+    for (std::size_t i = 0; i < handles.size(); ++i) {
+      const std::uint32_t slot = handles[i].slot;
+      record->views[i] = view_at<Descriptor, Camera>(layouts_[slot], blocks_.data(slot));
+    }
+    active_.splice(active_.end(), idle_, record);
+    return pinned_type(this, record, order);
+  }
+
+  void release(record_iterator record, work_order<Memory> order) noexcept {
+    record->done.record(order);
+    const std::lock_guard<std::mutex> lock(mutex_);
+    pending_.splice(pending_.end(), active_, record);
+    if (record->done.passed()) finish(record);
+  }
+
+  // What follows is called under the lock.
+
+  /// Calls `attempt`; while that finds no room, waits for the oldest work that still holds keyframes, and tries again.
+  template <class Attempt>
+  void waiting_for_room(Attempt attempt) {
+    for (;;) {
+      try {
+        return attempt();
+      } catch (const out_of_memory&) {
+        if (pending_.empty()) throw;
+      }
+      pending_.front().done.wait();
+      finish(pending_.begin());
+    }
+  }
+  /// Releases the pins whose work is done.
+  void poll() noexcept {
+    for (auto record = pending_.begin(); record != pending_.end();) {
+      const auto current = record++;
+      if (current->done.passed()) finish(current);
+    }
+  }
+  void finish(record_iterator record) noexcept {
+    for (const std::uint32_t slot : record->slots) unpin(slot);
+    idle_.splice(idle_.begin(), pending_, record);
+  }
+  void unpin(std::uint32_t slot) noexcept {
+    blocks_.unpin(slot);
+    if (!blocks_.pinned(slot) && !slots_.alive(slot)) reclaim(slot);
+  }
+  void reclaim(std::uint32_t slot) noexcept {
+    blocks_.remove(slot);
+    slots_.recycle(slot);
+  }
+  void require_alive(keyframe_handle handle, const char* argument) const {
+    if (slots_.alive(handle)) return;
+    throw stale_handle(std::string("turbomap: ") + argument + " = {slot " + std::to_string(handle.slot) +
+                       ", generation " + std::to_string(handle.generation) +
+                       "}: no such keyframe: it was erased, or is of another store");
+  }
+
+  keyframe_store_options options_;
+  mutable std::mutex mutex_;
+  slot_table slots_;
+  block_cache<Memory> blocks_;
+  std::vector<keyframe_layout> layouts_;  // by slot
+  std::list<record_type> active_, pending_, idle_;
+  insertion_lanes<Descriptor, Camera, Memory> lanes_;
+  std::uint64_t uploads_ = 0;
+};
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,76 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Everything that can be wrong with a keyframe is found here, before any memory is asked for.
+
+#include <cstddef>
+#include <string>
+
+#include "../camera/rig.hpp"
+#include "../config.hpp"
+#include "../error.hpp"
+#include "../math/functions.hpp"
+#include "keyframe_layout.hpp"
+#include "keyframe_view.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Throws std::invalid_argument naming the option when the packing options make no sense.
+inline void validate(const keyframe_packing_options& options) {
+  require(options.grid_columns >= 0 && options.grid_columns <= 0xFFFF, "grid_columns", options.grid_columns,
+          "must be in [0, 65535]");
+  require(options.grid_rows >= 0 && options.grid_rows <= 0x7FFF, "grid_rows", options.grid_rows,
+          "must be in [0, 32767]");
+  require((options.grid_columns == 0) == (options.grid_rows == 0), "grid_rows", options.grid_rows,
+          "a grid has columns and rows, or neither");
+  require(options.pyramid.levels >= 1, "pyramid.levels", options.pyramid.levels, "must be at least 1");
+  require(detail::is_finite(options.pyramid.scale_factor) && options.pyramid.scale_factor >= 1, "pyramid.scale_factor",
+          options.pyramid.scale_factor, "must be finite and at least 1");
+}
+
+namespace detail {
+template <class Value>
+void require_keypoint(bool holds, int index, const char* field, const Value& value, const char* rule) {
+  if (!holds) reject(("keypoints[" + std::to_string(index) + "]." + field).c_str(), value, rule);
+}
+
+inline void validate_keypoint(const keypoint& k, int i, int levels, int cameras) {
+  require_keypoint(is_finite(k.x), i, "x", k.x, "must be finite");
+  require_keypoint(is_finite(k.y), i, "y", k.y, "must be finite");
+  require_keypoint(is_finite(k.angle), i, "angle", k.angle, "must be finite");
+  require_keypoint(is_finite(k.u_right), i, "u_right", k.u_right, "must be finite; negative: none");
+  require_keypoint(is_finite(k.depth), i, "depth", k.depth, "must be finite; negative: unknown");
+  require_keypoint(k.octave < levels, i, "octave", int{k.octave}, "must be below the levels of the pyramid");
+  require_keypoint(k.camera < cameras, i, "camera", int{k.camera}, "must be below the number of cameras");
+}
+}  // namespace detail
+
+/// Throws std::invalid_argument naming argument, index and value when the keyframe cannot be stored: missing arrays, no
+/// or impossible cameras, keypoints that are not finite, octaves or cameras out of range, empty image bounds. No
+/// keypoints at all is fine. O(N).
+template <class Descriptor, class Camera>
+void validate(const keyframe_data<Descriptor, Camera>& data, const keyframe_packing_options& options) {
+  require(data.keypoint_count >= 0, "keypoint_count", data.keypoint_count, "must not be negative");
+  require(data.keypoint_count == 0 || data.keypoints != nullptr, "keypoints", "null", "there are keypoints to read");
+  require(data.keypoint_count == 0 || data.descriptors != nullptr, "descriptors", "null",
+          "there are descriptors to read");
+  require(data.camera_count >= 1, "camera_count", data.camera_count, "a rig has at least one camera");
+  require(data.cameras != nullptr, "cameras", "null", "there are cameras to read");
+  validate_rig(rig_view<Camera>{data.cameras, data.camera_count});
+  for (int i = 0; i < data.keypoint_count; ++i)
+    detail::validate_keypoint(data.keypoints[i], i, options.pyramid.levels, data.camera_count);
+  const image_bounds& b = data.bounds;
+  using detail::is_finite;
+  if (data.keypoint_count > 0) {
+    require(is_finite(b.min_x), "bounds.min_x", b.min_x, "must be finite");
+    require(is_finite(b.min_y), "bounds.min_y", b.min_y, "must be finite");
+    require(is_finite(b.max_x) && b.max_x > b.min_x, "bounds.max_x", b.max_x, "must be finite and above min_x");
+    require(is_finite(b.max_y) && b.max_y > b.min_y, "bounds.max_y", b.max_y, "must be finite and above min_y");
+  }
+  const long long cells = static_cast<long long>(options.grid_columns) * options.grid_rows * data.camera_count;
+  require(cells < 0x7FFFFFFF, "grid_columns * grid_rows * camera_count", cells, "must be below 2^31 - 1");
+}
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,68 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What the keyframe store needs to know about a kind of memory: how bytes get there and back, and when work that reads
+/// it is done. Here for host memory; for device memory in cuda/memory_space.cuh.
+
+#include <cstddef>
+#include <cstring>
+#include <memory_resource>
+
+#include "../config.hpp"
+#include "../memory.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Carries blocks between the host and the memory of a store. One thread at a time; copies are done after wait().
+template <class Memory>
+class transfer_lane {
+  static_assert(
+      sizeof(Memory) == 0,
+      "turbomap: a keyframe_store in device memory needs a compiler for CUDA: keep it behind your own type in a .cu "
+      "file (docs/traits.md)");
+};
+
+template <>
+class transfer_lane<host_memory> {
+ public:
+  explicit transfer_lane(std::pmr::memory_resource*) {}
+  /// Makes room to pack a block of this size.
+  void reserve(std::size_t) {}
+  /// Where to pack a block that is to lie at `resident`: there.
+  std::byte* packing_area(std::byte* resident) { return resident; }
+  void upload(std::byte* resident, const std::byte* host, std::size_t bytes) {
+    if (resident != host) std::memcpy(resident, host, bytes);
+  }
+  void download(std::byte* host, const std::byte* resident, std::size_t bytes) { std::memcpy(host, resident, bytes); }
+  void wait() {}
+};
+
+/// The order in which a policy's work is done: nothing for host policies, whose calls return when they are done; the
+/// stream of a CUDA policy.
+template <class Memory>
+struct work_order {};
+
+template <class Derived>
+work_order<host_memory> order_of(const thrust::execution_policy<Derived>&) {
+  return {};
+}
+
+/// A mark behind the work enqueued so far.
+template <class Memory>
+class fence;
+
+template <>
+class fence<host_memory> {
+ public:
+  void record(work_order<host_memory>) noexcept {}
+  bool passed() noexcept { return true; }
+  void wait() noexcept {}
+};
+
+TURBOMAP_END_NAMESPACE
+
+#if TURBOMAP_HAS_CUDA
+#include "cuda/memory_space.cuh"
+#endif

@@ -1,0 +1,115 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// The keyframe store under the host policies.
+
+#include <thrust/execution_policy.h>
+#include <thrust/system/omp/execution_policy.h>
+#include <thrust/system/tbb/execution_policy.h>
+
+#include <limits>
+#include <stdexcept>
+
+#include "keyframe_paging_cases.hpp"
+
+namespace {
+
+using namespace turbomap_test;
+using seq = std::decay_t<decltype(thrust::seq)>;
+using omp = std::decay_t<decltype(thrust::omp::par)>;
+using tbb = std::decay_t<decltype(thrust::tbb::par)>;
+
+TEST_CASE_TEMPLATE("ten thousand keyframes are inserted, erased and inserted again", Policy, seq, omp, tbb) {
+  check_ten_thousand<Policy>();
+}
+TEST_CASE_TEMPLATE("keyframes of 1200 keypoints", Policy, seq) { check_realistic<Policy>(); }
+TEST_CASE_TEMPLATE("stale handles are refused and nothing is pinned", Policy, seq, omp, tbb) {
+  check_stale_handles<Policy>();
+}
+TEST_CASE_TEMPLATE("an erased keyframe stays until its readers are done", Policy, seq, omp, tbb) {
+  check_deferred_reclamation<Policy>();
+}
+TEST_CASE_TEMPLATE("beyond the budget the least recently used are paged out", Policy, seq, omp, tbb) {
+  check_paging<Policy>();
+}
+TEST_CASE_TEMPLATE("a failing allocation leaves the store as it was", Policy, seq) {
+  check_failing_allocations<Policy>();
+}
+TEST_CASE_TEMPLATE("random operations", Policy, seq) { check_random_operations<Policy>(20000); }
+
+TEST_CASE("bad keyframes and options are refused with the store unchanged") {
+  sample_store<seq> store;
+  auto k = make_keyframe(1, 10);
+  store.insert(k.data());
+  const auto before = state_of(store.statistics());
+  k.keypoints[3].x = std::numeric_limits<float>::quiet_NaN();
+  CHECK_THROWS_WITH_AS(store.insert(k.data()), "turbomap: keypoints[3].x = nan: must be finite", std::invalid_argument);
+  CHECK(state_of(store.statistics()) == before);
+  turbomap::keyframe_store_options options;
+  options.chunk_bytes = 0;
+  CHECK_THROWS_AS(sample_store<seq>{options}, std::invalid_argument);
+  options = {};
+  options.packing.grid_rows = 0;
+  CHECK_THROWS_AS(sample_store<seq>{options}, std::invalid_argument);
+}
+
+/// A user's camera that fails while the keyframe is being packed, when its place in the store is taken already.
+struct throwing_camera {
+  using scalar = float;
+  template <class S>
+  bool project(const turbomap::vec3<S>&, turbomap::vec2<S>&) const {
+    return false;
+  }
+  template <class S>
+  bool unproject(const turbomap::vec2<S>&, turbomap::vec3<S>&) const {
+    throw std::runtime_error("no ray");
+  }
+};
+
+TEST_CASE("a camera that throws while it is packed leaves nothing behind") {
+  turbomap::keyframe_store<sample_descriptor, throwing_camera> store;
+  const auto k = make_keyframe(1, 10);
+  const turbomap::rig_camera<throwing_camera> camera{};
+  const turbomap::keyframe_data<sample_descriptor, throwing_camera> data{
+      10, k.keypoints.data(), k.descriptors.data(), &camera, 1, k.bounds};
+  CHECK_THROWS_WITH_AS(store.insert(data), "no ray", std::runtime_error);
+  const auto s = store.statistics();
+  CHECK(s.keyframes == 0);
+  CHECK(s.resident_blocks == 0);
+  CHECK(s.uploads == 0);
+}
+
+TEST_CASE("pinning and releasing again allocates nothing on the policy's side") {
+  counting_resource resource(std::pmr::get_default_resource());
+  turbomap::keyframe_store_options options;
+  options.resident = options.paging = options.staging = &resource;
+  sample_store<seq> store(options);
+  const auto k = make_keyframe(1, 100);
+  const handles one{store.insert(k.data())};
+  const long before = resource.allocations;
+  for (int i = 0; i < 100; ++i) {
+    store.pin(thrust::seq, one);
+    store.erase(store.insert(k.data()));
+  }
+  CHECK(resource.allocations == before);
+}
+
+TEST_CASE("generations: a slot whose generations are used up is never used again") {
+  turbomap::slot_table table(3);
+  const auto slot = table.acquire();
+  handles old;
+  for (std::uint32_t g = 1; g <= 3; ++g) {
+    if (g > 1) CHECK(table.acquire() == slot);
+    old.push_back(table.publish(slot));
+    CHECK(old.back().generation == g);
+    CHECK(table.alive(old.back()));
+    table.retire(slot);
+    CHECK_FALSE(table.alive(old.back()));
+    table.recycle(slot);
+  }
+  CHECK(table.acquire() != slot);
+  for (const auto handle : old) CHECK_FALSE(table.alive(handle));
+}
+
+}  // namespace

@@ -1,0 +1,55 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include <doctest/doctest.h>
+
+#include <turbomap/store/keyframe_validation.hpp>
+
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "keyframe_samples.hpp"
+
+namespace {
+
+using namespace turbomap_test;
+
+/// The message of what a changed keyframe throws; empty when nothing does.
+template <class Change>
+std::string refusal(Change change) {
+  auto k = make_keyframe(1, 20, 2);
+  auto data = k.data();
+  change(k, data);
+  try {
+    turbomap::validate(data, turbomap::keyframe_packing_options{});
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return {};
+}
+
+TEST_CASE("bad input is named: argument, index, value") {
+  const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
+  using K = sample_keyframe;
+  using D = sample_data;
+  CHECK(refusal([](K&, D&) {}).empty());
+  CHECK(refusal([&](K& k, D&) { k.keypoints[3].x = nan; }) == "turbomap: keypoints[3].x = nan: must be finite");
+  CHECK(refusal([&](K& k, D&) { k.keypoints[19].y = inf; }).find("keypoints[19].y = inf") != std::string::npos);
+  CHECK(refusal([&](K& k, D&) { k.keypoints[0].angle = nan; }).find("keypoints[0].angle = nan") != std::string::npos);
+  CHECK(refusal([&](K& k, D&) { k.keypoints[1].u_right = nan; }).find("keypoints[1].u_right") != std::string::npos);
+  CHECK(refusal([&](K& k, D&) { k.keypoints[1].depth = nan; }).find("keypoints[1].depth") != std::string::npos);
+  CHECK(refusal([&](K& k, D&) { k.keypoints[5].octave = 8; }).find("keypoints[5].octave = 8") != std::string::npos);
+  CHECK(refusal([&](K& k, D&) { k.keypoints[5].camera = 2; }).find("keypoints[5].camera = 2") != std::string::npos);
+  CHECK(refusal([&](K&, D& d) { d.keypoint_count = -1; }).find("keypoint_count = -1") != std::string::npos);
+  CHECK(refusal([&](K&, D& d) { d.keypoints = nullptr; }).find("keypoints = null") != std::string::npos);
+  CHECK(refusal([&](K&, D& d) { d.descriptors = nullptr; }).find("descriptors = null") != std::string::npos);
+  CHECK(refusal([&](K&, D& d) { d.cameras = nullptr; }).find("cameras = null") != std::string::npos);
+  CHECK(refusal([&](K&, D& d) { d.camera_count = 0; }).find("camera_count = 0") != std::string::npos);
+  CHECK(refusal([&](K& k, D&) { k.cameras[1].T_camera_body.tx = nan; }).find("T_camera_body") != std::string::npos);
+  CHECK(refusal([&](K& k, D&) { k.cameras[0].camera.fx = 0; }).find("fx = 0") != std::string::npos);
+  CHECK(refusal([&](K&, D& d) { d.bounds.max_x = nan; }).find("bounds.max_x = nan") != std::string::npos);
+  CHECK(refusal([&](K&, D& d) { d.bounds.max_y = 0; }).find("bounds.max_y = 0") != std::string::npos);
+}
+
+}  // namespace
