@@ -1,0 +1,102 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// turbomap-simulate: writes a recording of local mapping along a trajectory, with the truth beside it.
+
+#include <algorithm>
+#include <cstdio>
+#include <exception>
+#include <string>
+
+#include <CLI/CLI.hpp>
+
+#include <turbomap/io/recording_writer.hpp>
+#include <turbomap/io/trajectory.hpp>
+
+#include "simulation/calibration_file.hpp"
+#include "simulation/simulate.hpp"
+
+namespace {
+
+namespace sim = turbomap::simulation;
+
+struct arguments {
+  std::string trajectory, camera = "euroc", out;
+  bool mono = false;
+  sim::simulation_options options;
+};
+
+sim::simulated_rig rig_of(const arguments& args) {
+  sim::simulated_rig rig = args.camera == "euroc"    ? sim::euroc_rig()
+                           : args.camera == "tum-vi" ? sim::tum_vi_rig()
+                                                     : sim::read_rig(args.camera);
+  return args.mono ? sim::monocular(rig) : rig;
+}
+
+void run(const arguments& args, int features) {
+  sim::simulated_rig rig = rig_of(args);
+  if (features > 0) rig.features = features;
+  const auto poses = args.trajectory == "builtin" ? sim::builtin_trajectory(rig.cameras[0].T_bc)
+                                                  : turbomap::read_trajectory(args.trajectory);
+  const turbomap::recording r = sim::simulate(poses, rig, args.options);
+  turbomap::write_recording(args.out, r);
+  const auto mapped =
+      static_cast<double>(r.assoc_kp.size()) / static_cast<double>(std::max<std::size_t>(1, r.kp_xy.size()));
+  std::printf("%s: %zu keyframes, %zu keypoints, %.0f%% with a map point, %zu scene points\n", args.out.c_str(),
+              r.keyframe_count(), r.kp_xy.size(), 100 * mapped, r.sim_point_xyz.size());
+}
+
+/// One line, whatever the message was.
+int fail(std::string message) {
+  std::replace(message.begin(), message.end(), '\n', ' ');
+  std::fprintf(stderr, "turbomap-simulate: %s\n", message.c_str());
+  return 2;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  arguments args;
+  auto& o = args.options;
+  int features = 0;
+  CLI::App app("Simulates a recording of local mapping, with the truth beside it.", "turbomap-simulate");
+  app.add_option("TRAJECTORY", args.trajectory, "TUM file (t x y z qx qy qz qw, body in world), or 'builtin'")
+      ->required();
+  app.add_option("--camera", args.camera, "euroc, tum-vi, or a Kalibr calibration FILE.yaml")->capture_default_str();
+  app.add_option("--out", args.out, "Directory of the recording")->required();
+  app.add_option("--seed", o.seed, "The same seed gives the same recording")->capture_default_str();
+  app.add_flag("--imu", o.imu, "Inertial data too; the world then has gravity along -z");
+  app.add_flag("--mono", args.mono, "Only the left camera, no stereo");
+  app.add_option("--keyframes", o.motion.most_keyframes, "Stop after so many (0: all the way)")
+      ->check(CLI::Range(0, 1000000000));
+  app.add_option("--points", o.points, "Scene points (0: as many as fill the images)")
+      ->check(CLI::Range(0, 1000000000));
+  app.add_option("--features", features, "Keypoints an image (0: as the camera's preset)")
+      ->check(CLI::Range(0, 1000000));
+  app.add_option("--boxes", o.scene.boxes, "Boxes in the room")->check(CLI::Range(0, 10000))->capture_default_str();
+  app.add_option("--noise", o.observation.noise_px, "Pixel noise at the finest level")
+      ->check(CLI::Range(0.0, 100.0))
+      ->capture_default_str();
+  app.add_option("--drift", o.motion.drift_metres_per_metre, "Drift of the recorded poses, m per m")
+      ->check(CLI::Range(0.0, 100.0))
+      ->capture_default_str();
+  app.add_option("--keyframe-seconds", o.motion.keyframe_seconds, "A keyframe is due after so long")
+      ->check(CLI::Range(1e-3, 1e9))
+      ->capture_default_str();
+  app.add_option("--keyframe-metres", o.motion.keyframe_metres, "... or so far")
+      ->check(CLI::Range(1e-3, 1e9))
+      ->capture_default_str();
+  app.add_option("--keyframe-radians", o.motion.keyframe_radians, "... or such a turn")
+      ->check(CLI::Range(1e-3, 1e9))
+      ->capture_default_str();
+  try {
+    app.parse(argc, argv);
+    run(args, features);
+  } catch (const CLI::ParseError& error) {
+    return error.get_exit_code() == 0 ? app.exit(error) : fail(error.what());
+  } catch (const std::exception& error) {
+    return fail(error.what());
+  }
+  return 0;
+}

@@ -1,0 +1,117 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// A rig from a Kalibr calibration file: the few lines of it that matter here, not YAML in general.
+
+#include <array>
+#include <charconv>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <turbomap/error.hpp>
+
+#include "rig.hpp"
+
+namespace turbomap::simulation {
+
+/// The fields of `cam0:` and `cam1:` blocks: all numbers of a key (over `- [..]` lines too), and its text.
+struct calibration_block {
+  std::map<std::string, std::vector<double>> numbers;
+  std::map<std::string, std::string> text;
+};
+
+inline std::vector<double> numbers_in(const std::string& line) {
+  std::vector<double> found;
+  for (const char *at = line.data(), *end = at + line.size(); at != end;) {
+    double value;
+    const auto [rest, error] = std::from_chars(at, end, value);
+    if (error == std::errc()) found.push_back(value);
+    at = error == std::errc() ? rest : at + 1;
+  }
+  return found;
+}
+
+inline std::map<std::string, calibration_block> read_calibration_blocks(const std::filesystem::path& file) {
+  std::ifstream stream(file);
+  if (!stream) throw bad_file("turbomap: " + file.string() + ": cannot be opened");
+  std::map<std::string, calibration_block> blocks;
+  std::string line, block, key;
+  while (std::getline(stream, line)) {
+    line.erase(std::min(line.find('#'), line.size()));
+    while (!line.empty() && (line.back() == ' ' || line.back() == '\r' || line.back() == '\t')) line.pop_back();
+    const std::size_t first = line.find_first_not_of(" \t");
+    if (first == std::string::npos || line[0] == '%') continue;
+    const std::size_t colon = line.find(':');
+    if (first == 0 && colon != std::string::npos) {
+      block = line.substr(0, colon), key.clear();
+      blocks[block];
+      continue;
+    }
+    std::string value = line;
+    if (line[first] != '-' && colon != std::string::npos) {
+      key = line.substr(first, colon - first);
+      value = line.substr(colon + 1);
+      blocks[block].text[key] = value.substr(std::min(value.find_first_not_of(' '), value.size()));
+    }
+    auto& numbers = blocks[block].numbers[key];
+    for (const double number : numbers_in(value)) numbers.push_back(number);
+  }
+  return blocks;
+}
+
+inline simulated_camera camera_of(const std::filesystem::path& file, const std::string& name,
+                                  calibration_block& block) {
+  const auto fail = [&](const std::string& reason) {
+    throw bad_file("turbomap: " + file.string() + ": " + name + ": " + reason);
+  };
+  const auto take = [&](const char* key, std::size_t count) {
+    const auto& values = block.numbers[key];
+    if (values.size() != count) fail(std::string(key) + " needs " + std::to_string(count) + " numbers");
+    return values;
+  };
+  simulated_camera camera;
+  const auto k = take("intrinsics", 4), size = take("resolution", 2);
+  if (!(k[0] > 0 && k[1] > 0 && size[0] > 38 && size[1] > 38)) fail("intrinsics and resolution must be positive");
+  camera.width = static_cast<int>(size[0]), camera.height = static_cast<int>(size[1]);
+  const std::string model = block.text["distortion_model"];
+  if (model == "equidistant") {
+    const auto d = take("distortion_coeffs", 4);
+    camera.model = kannala_brandt<double>{k[0], k[1], k[2], k[3], d[0], d[1], d[2], d[3]};
+  } else if (model == "radtan" || model == "none" || model.empty()) {
+    camera.model = pinhole<double>{k[0], k[1], k[2], k[3]};  // a recording's pinhole keypoints are undistorted
+  } else {
+    fail("distortion_model '" + model + "' is not equidistant, radtan or none");
+  }
+  const bool inverse = block.numbers.count("T_cam_imu") != 0;
+  const auto values = take(inverse ? "T_cam_imu" : "T_imu_cam", 16);
+  std::array<double, 16> matrix;
+  std::copy(values.begin(), values.end(), matrix.begin());
+  camera.T_bc = inverse ? rigid(matrix).inverse() : rigid(matrix);
+  return camera;
+}
+
+/// Reads cam0 and, if there, cam1. Two pinholes become a rectified pair with cam0's intrinsics and their distance as
+/// baseline; two fisheye cameras stay two. Throws bad_file naming file, camera and reason.
+inline simulated_rig read_rig(const std::filesystem::path& file) {
+  auto blocks = read_calibration_blocks(file);
+  if (blocks.count("cam0") == 0) throw bad_file("turbomap: " + file.string() + ": there is no cam0 in it");
+  simulated_rig rig;
+  rig.cameras = {camera_of(file, "cam0", blocks["cam0"])};
+  if (blocks.count("cam1") != 0) {
+    const simulated_camera second = camera_of(file, "cam1", blocks["cam1"]);
+    if (second.is_fisheye() != rig.cameras[0].is_fisheye())
+      throw bad_file("turbomap: " + file.string() + ": cam1: is not of the same model as cam0");
+    rig.baseline = (rig.cameras[0].T_bc.inverse() * second.T_bc).translation().norm();
+    if (second.is_fisheye()) rig.cameras.push_back(second);
+  }
+  if (rig.cameras[0].is_fisheye()) rig.features = 1000;
+  rig.close_depth = 40 * rig.baseline;
+  return rig;
+}
+
+}  // namespace turbomap::simulation

@@ -1,0 +1,149 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Where the body goes: keyframes picked along a motion, the drift of the estimated poses, the inertial measurements.
+
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include <turbomap/io/recording_data.hpp>
+#include <turbomap/io/trajectory.hpp>
+
+#include "motion_spline.hpp"
+#include "random.hpp"
+#include "rig.hpp"
+
+namespace turbomap::simulation {
+
+inline constexpr double two_pi = 6.28318530717958647692;
+
+struct motion_options {
+  double knot_seconds = 0.1;
+  double frame_seconds = 0.05;           ///< between images
+  double keyframe_seconds = 0.5;         ///< a keyframe is due after so long ...
+  double keyframe_metres = 0.35;         ///< ... or so far ...
+  double keyframe_radians = 0.4;         ///< ... or such a turn
+  int most_keyframes = 0;                ///< 0: all the way
+  double drift_metres_per_metre = 1e-3;  ///< standard deviation of the position's random walk, per metre travelled
+  double drift_radians_per_metre = 2e-4;
+};
+
+/// A smooth closed walk, twice around: no file needed. The camera looks ahead and outward; loops are 2.4 m by 1.8 m.
+inline std::vector<stamped_pose> builtin_trajectory(const Eigen::Isometry3d& T_bc) {
+  std::vector<stamped_pose> poses;
+  constexpr double duration = 44, loop = 20;
+  for (int i = 0; i <= static_cast<int>(duration * 20); ++i) {
+    const double t = i / 20.0, a = two_pi * t / loop, yaw = a + 0.25 * two_pi - 0.9 + 0.5 * std::sin(3 * a);
+    const Eigen::Vector3d ahead(std::cos(yaw), std::sin(yaw), 0.25 * std::sin(2 * a));
+    Eigen::Isometry3d T_wc = Eigen::Isometry3d::Identity();
+    const Eigen::Vector3d z = ahead.normalized(), x = z.cross(Eigen::Vector3d(0.1 * std::sin(a), 0, 1)).normalized();
+    T_wc.linear() << x, z.cross(x), z;
+    T_wc.translation() << 2.4 * std::cos(a), 1.8 * std::sin(a), 1.3 + 0.3 * std::sin(2 * a + 0.4);
+    const Eigen::Isometry3d T_wb = T_wc * T_bc.inverse();
+    const Eigen::Quaterniond q(T_wb.linear());
+    const Eigen::Vector3d p = T_wb.translation();
+    poses.push_back({i * std::int64_t(50000000), {q.x(), q.y(), q.z(), q.w(), p.x(), p.y(), p.z()}});
+  }
+  return poses;
+}
+
+inline Eigen::Isometry3d pose_of(const body_state& s) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = s.R_wb.toRotationMatrix(), T.translation() = s.p_wb;
+  return T;
+}
+
+struct timed_body {
+  std::int64_t t_ns;
+  body_state body;
+  std::int32_t frame = 0;  ///< its number among the images
+};
+
+/// All images' times and bodies, and which of them become keyframes (as numbers of images).
+struct planned_motion {
+  std::vector<timed_body> frames;
+  std::vector<std::size_t> keyframes;
+};
+
+inline planned_motion plan_motion(const motion_spline& motion, const motion_options& options) {
+  planned_motion plan;
+  const auto step = static_cast<std::int64_t>(options.frame_seconds * 1e9);
+  for (std::int64_t t = motion.begin_ns(); t <= motion.end_ns(); t += step) {
+    plan.frames.push_back({t, motion.at(t), static_cast<std::int32_t>(plan.frames.size())});
+    const timed_body& now = plan.frames.back();
+    bool due = plan.keyframes.empty();
+    if (!due) {
+      const timed_body& last = plan.frames[plan.keyframes.back()];
+      due = static_cast<double>(t - last.t_ns) * 1e-9 >= options.keyframe_seconds - 1e-9 ||
+            (now.body.p_wb - last.body.p_wb).norm() >= options.keyframe_metres ||
+            now.body.R_wb.angularDistance(last.body.R_wb) >= options.keyframe_radians;
+    }
+    if (due) plan.keyframes.push_back(plan.frames.size() - 1);
+    if (options.most_keyframes > 0 && plan.keyframes.size() == static_cast<std::size_t>(options.most_keyframes)) break;
+  }
+  return plan;
+}
+
+/// The body poses that a system with this drift would estimate: exact relative motions, each off by a random step that
+/// grows with the distance travelled since the last keyframe. The first pose is exact.
+inline std::vector<Eigen::Isometry3d> drifting_poses(const std::vector<Eigen::Isometry3d>& T_wb,
+                                                     const motion_options& options, std::uint64_t seed) {
+  std::vector<Eigen::Isometry3d> drifting{T_wb.front()};
+  for (std::size_t i = 1; i < T_wb.size(); ++i) {
+    random_stream random(seed, purpose::drift, i);
+    const Eigen::Isometry3d step = T_wb[i - 1].inverse() * T_wb[i];
+    const double metres = step.translation().norm();
+    const auto noise = [&](double sigma) {
+      return Eigen::Vector3d(sigma * random.normal(), sigma * random.normal(), sigma * random.normal());
+    };
+    Eigen::Isometry3d error = Eigen::Isometry3d::Identity();
+    error.translation() = noise(metres * options.drift_metres_per_metre);
+    error.linear() = exp_so3(noise(metres * options.drift_radians_per_metre)).toRotationMatrix();
+    drifting.push_back(drifting.back() * step * error);
+    drifting.back().linear() = Eigen::Quaterniond(drifting.back().linear()).normalized().toRotationMatrix();
+  }
+  return drifting;
+}
+
+/// Gyro and accelerometer samples over [begin, end] with white noise and walking biases, which are returned with them.
+struct imu_record {
+  std::vector<std::int64_t> t_ns;
+  std::vector<imu_sample> samples;
+  std::vector<std::array<double, 6>> bias;  ///< gyro, acceleration
+};
+
+inline constexpr double gravity = 9.81;  ///< m/s^2, along -z of the world
+
+inline imu_record simulate_imu(const motion_spline& motion, std::int64_t begin, std::int64_t end,
+                               const imu_noise& noise, std::uint64_t seed) {
+  imu_record record;
+  random_stream random(seed, purpose::imu);
+  const double white = std::sqrt(noise.rate_hz), walk = 1 / white;
+  std::array<double, 6> bias{};
+  const auto step = static_cast<std::int64_t>(1e9 / noise.rate_hz);
+  for (std::int64_t t = begin; t <= end; t += step) {
+    const body_state s = motion.at(t);
+    const Eigen::Vector3d force = s.R_wb.conjugate() * (s.acceleration + Eigen::Vector3d(0, 0, gravity));
+    std::array<double, 6> v;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const auto axis = static_cast<Eigen::Index>(a);
+      v[a] = s.angular_velocity[axis] + bias[a] + noise.gyro * white * random.normal();
+      v[a + 3] = force[axis] + bias[a + 3] + noise.acceleration * white * random.normal();
+    }
+    record.t_ns.push_back(t);
+    record.samples.push_back({{v[0], v[1], v[2]}, {v[3], v[4], v[5]}});
+    record.bias.push_back(bias);
+    for (std::size_t a = 0; a < 3; ++a) {
+      bias[a] += noise.gyro_walk * walk * random.normal();
+      bias[a + 3] += noise.acceleration_walk * walk * random.normal();
+    }
+  }
+  return record;
+}
+
+}  // namespace turbomap::simulation

@@ -1,0 +1,67 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Absolute trajectory error: what is left between two paths after one rigid alignment, without scale.
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Geometry>
+#include <Eigen/SVD>
+
+#include "../config.hpp"
+#include "../error.hpp"
+#include "../math/linear.hpp"
+#include "../span.hpp"
+#include "recording_data.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Root mean square distance (m) of `estimate` to `truth` after the rigid transform that makes it least (Umeyama, 1991,
+/// without scale). NaN for fewer than three positions: they do not define the alignment. Throws std::invalid_argument
+/// unless both have the same length.
+inline double absolute_trajectory_error(span<const vec3<double>> estimate, span<const vec3<double>> truth) {
+  require(estimate.size() == truth.size(), "truth", truth.size(), "must be as many positions as the estimate");
+  if (estimate.size() < 3) return std::nan("");
+  using positions = Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic>>;
+  const auto count = static_cast<Eigen::Index>(estimate.size());
+  const positions from(&estimate.data()->x, 3, count), to(&truth.data()->x, 3, count);
+  const Eigen::Matrix4d T = Eigen::umeyama(from, to, false);
+  const Eigen::Matrix3Xd left =
+      (T.topLeftCorner<3, 3>() * from).colwise() + Eigen::Vector3d(T.topRightCorner<3, 1>()) - to;
+  return std::sqrt(left.squaredNorm() / static_cast<double>(count));
+}
+
+/// The camera's centre in the ground truth at the time nearest to `t_ns`: body pose times T_bc. The recording must have
+/// ground truth.
+inline vec3<double> true_camera_centre(const recording& r, std::int64_t t_ns) {
+  const auto next = std::lower_bound(r.gt_t_ns.begin(), r.gt_t_ns.end(), t_ns);
+  std::size_t i = static_cast<std::size_t>(next - r.gt_t_ns.begin());
+  if (i == r.gt_t_ns.size() || (i > 0 && t_ns - r.gt_t_ns[i - 1] <= r.gt_t_ns[i] - t_ns)) --i;
+  const stamped_body_pose& g = r.gt_T_wb[i];
+  const rigid_transform<double> T_wb{g.qx, g.qy, g.qz, g.qw, g.px, g.py, g.pz};
+  return to_isometry<double>(T_wb) * to_isometry<double>(r.meta.T_bc).t;
+}
+
+/// ATE of keyframe poses `T_cw` (one a keyframe of the recording) against its ground truth, over the keyframes whose
+/// `alive` is not 0 (empty: all). Throws std::invalid_argument for wrong sizes or a recording without ground truth.
+inline double keyframe_trajectory_error(const recording& r, span<const rigid_transform<float>> T_cw,
+                                        span<const std::uint8_t> alive = {}) {
+  require(r.has_ground_truth(), "recording", r.gt_t_ns.size(), "must have ground truth");
+  require(T_cw.size() == r.keyframe_count(), "T_cw", T_cw.size(), "must have a pose for each keyframe");
+  require(alive.empty() || alive.size() == T_cw.size(), "alive", alive.size(), "must have a flag for each keyframe");
+  std::vector<vec3<double>> estimate, truth;
+  for (std::size_t i = 0; i < T_cw.size(); ++i) {
+    if (!alive.empty() && alive[i] == 0) continue;
+    estimate.push_back(camera_centre(to_isometry<double>(T_cw[i])));
+    truth.push_back(true_camera_centre(r, r.t_ns[i]));
+  }
+  return absolute_trajectory_error(estimate, truth);
+}
+
+TURBOMAP_END_NAMESPACE
