@@ -1,0 +1,91 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// turbomap-replay: replays a recording of local mapping, or checks every stage against it. See docs/programs.md.
+
+#include <cstdio>
+#include <fstream>
+#include <set>
+#include <sstream>
+#include <stdexcept>
+
+#include <CLI/CLI.hpp>
+
+#include <thrust/execution_policy.h>
+#include <thrust/system/omp/execution_policy.h>
+#include <thrust/system/tbb/execution_policy.h>
+
+#include "replay/run.hpp"
+
+namespace {
+
+using turbomap_replay::arguments;
+using turbomap_replay::outcome;
+
+outcome run(const arguments& a) {
+  if (a.policy == "seq") return turbomap_replay::run(thrust::seq, a);
+  if (a.policy == "omp") return turbomap_replay::run(thrust::omp::par, a);
+  if (a.policy == "tbb") return turbomap_replay::run(thrust::tbb::par, a);
+#if defined(TURBOMAP_PROGRAM_WITH_CUDA)
+  return turbomap_replay::run_cuda(a);
+#else
+  throw std::invalid_argument("--policy cuda: this program was built without CUDA");
+#endif
+}
+
+/// The recording that is made at build time, beside the program.
+std::filesystem::path demo_recording(const char* program) {
+  std::error_code failed;
+  const auto self = std::filesystem::canonical("/proc/self/exe", failed);
+  return (failed ? std::filesystem::path(program) : self).parent_path().parent_path() / "demo" / "recording";
+}
+
+void choose_stages(const std::string& list, arguments& a) {
+  std::set<std::string> names;
+  std::istringstream stream(list);
+  for (std::string name; std::getline(stream, name, ',');) {
+    if (name != "search" && name != "creation")
+      throw std::invalid_argument("--stages: '" + name + "' is not a stage: search, creation");
+    names.insert(name);
+  }
+  a.search = names.count("search") != 0;
+  a.creation = names.count("creation") != 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  arguments a;
+  std::string stages;
+  CLI::App app("Replays a recording of local mapping through the stages of TurboMap, or checks every stage against it.");
+  app.add_option("recording", a.recording, "folder of the recording; the built-in simulated one when not given");
+  app.add_option("--policy", a.policy, "execution policy")->check(CLI::IsMember({"seq", "omp", "tbb", "cuda"}));
+  app.add_flag("--check", a.check, "compare every stage with the recorded snapshots; exit status 1 when one differs");
+  app.add_option("--stages", stages, "stages to run, separated by commas: search,creation");
+  app.add_option("--candidates", a.candidates, "what the search compares with (replay mode)")
+      ->check(CLI::IsMember({"exhaustive", "ordered", "grouped"}));
+  app.add_option("--json", a.json, "write the result to this file");
+  app.add_option("--trajectory", a.trajectory, "write the keyframes' body poses to this file (TUM format)");
+  app.add_option("--repeat", a.repeat, "replay so many times and time all of them")->check(CLI::PositiveNumber);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    const int status = app.exit(e);
+    return status == 0 ? 0 : 2;
+  }
+  if (!stages.empty()) choose_stages(stages, a);
+  if (a.recording.empty()) a.recording = demo_recording(argv[0]);
+
+  const outcome result = run(a);
+  if (a.check) std::printf("%s\n%s\n", result.json.dump(2).c_str(), result.good ? "check: all agree" : "check: FAILED");
+  if (!a.json.empty()) {
+    std::ofstream file(a.json);
+    file << result.json.dump(2) << '\n';
+    if (!file.flush()) throw std::runtime_error(a.json.string() + ": cannot be written");
+  }
+  return result.good ? 0 : 1;
+} catch (const std::exception& e) {
+  std::fprintf(stderr, "turbomap-replay: %s\n", e.what());
+  return 2;
+}

@@ -1,0 +1,62 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Times of the stages of a replay, and their table.
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+namespace turbomap_replay {
+
+/// Milliseconds since an arbitrary moment.
+inline double now_ms() {
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+/// The samples of one stage, one a keyframe.
+struct stage_samples {
+  std::string name;
+  double peer_ms_mean = -1;  ///< < 0: not recorded
+  std::vector<double> ms;
+
+  double mean() const {
+    double sum = 0;
+    for (const double t : ms) sum += t;
+    return ms.empty() ? 0 : sum / static_cast<double>(ms.size());
+  }
+  double quantile(double q) const {
+    if (ms.empty()) return 0;
+    std::vector<double> sorted = ms;
+    std::sort(sorted.begin(), sorted.end());
+    return sorted[static_cast<std::size_t>(std::floor(q * static_cast<double>(sorted.size() - 1)))];
+  }
+  nlohmann::json json() const {
+    nlohmann::json j = {
+        {"ms_mean", mean()}, {"ms_median", quantile(0.5)}, {"ms_p95", quantile(0.95)}, {"ms_max", quantile(1)}};
+    if (peer_ms_mean >= 0) j["peer_ms_mean"] = peer_ms_mean;
+    return j;
+  }
+};
+
+inline void print_table(const std::vector<stage_samples>& stages) {
+  std::printf("%-12s %10s %10s %10s %10s %10s %8s\n", "stage (ms)", "mean", "median", "p95", "max", "peer mean", "ratio");
+  for (const stage_samples& s : stages) {
+    std::printf("%-12s %10.3f %10.3f %10.3f %10.3f", s.name.c_str(), s.mean(), s.quantile(0.5), s.quantile(0.95),
+                s.quantile(1));
+    if (s.peer_ms_mean >= 0)
+      std::printf(" %10.3f %7.1fx\n", s.peer_ms_mean, s.peer_ms_mean / s.mean());
+    else
+      std::printf(" %10s %8s\n", "-", "-");
+  }
+}
+
+}  // namespace turbomap_replay

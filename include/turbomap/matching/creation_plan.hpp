@@ -1,0 +1,76 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What map point creation takes and gives, as plain data: options, reasons, the plan, and who wins a keypoint.
+
+#include <cstdint>
+#include <vector>
+
+#include "../types.hpp"
+
+namespace turbomap {
+
+/// Why a match did or did not become a map point candidate, in the order of the tests.
+enum class creation_outcome : std::uint8_t {
+  accepted = 0,
+  low_parallax = 1,             ///< rays too close to parallel, and no stereo depth to fall back on
+  at_infinity = 2,              ///< the triangulated point has no finite position
+  no_depth = 3,                 ///< the stereo keypoint has no positive depth
+  behind_query = 4,             ///< not in front of the query camera
+  behind_neighbour = 5,         ///< not in front of the neighbour camera
+  reprojection_query = 6,       ///< reprojection error in the query above the gate
+  reprojection_neighbour = 7,   ///< reprojection error in the neighbour above the gate
+  zero_distance = 8,            ///< the point coincides with a camera centre
+  too_far = 9,                  ///< farther than options.max_distance
+  scale = 10                    ///< the ratio of distances contradicts the ratio of octaves
+};
+
+/// Where the position of a point came from.
+enum class creation_method : std::int8_t { none = -1, triangulated = 0, stereo_query = 1, stereo_neighbour = 2 };
+
+/// Options of create_points(). Defaults are those of [ORB-SLAM3].
+struct creation_options {
+  pyramid scales;
+  double max_parallax_cosine = 0.9998;  ///< monocular matches need more parallax than this; 0.9996 in inertial systems
+  double mono_chi2 = 5.991;             ///< gate of reprojection error^2 / sigma2, 95 %, 2 dof
+  double stereo_chi2 = 7.8;             ///< the same with u_right, 95 %, 3 dof
+  double scale_tolerance = 1.5;         ///< distance and octave ratios agree within this times scale_factor
+  double max_distance = 0;              ///< m from either camera; 0: no limit
+};
+
+/// One match of the search with what became of it.
+struct created_point {
+  std::int32_t neighbour;
+  std::int32_t query;
+  std::int32_t candidate;
+  creation_outcome outcome;
+  creation_method method;
+  vec3<double> position;  ///< world, m; meaningful once a method is named
+};
+
+/// The accepted points in (neighbour, query keypoint) order, as a map inserts them: a keypoint that an earlier point of the
+/// plan was given to gets no second one, in the query and in every neighbour. O(points).
+/// \param plan               all outcomes in (neighbour, query keypoint) order
+/// \param query_keypoints    keypoints of the query
+/// \param neighbour_keypoints keypoints of each neighbour
+inline std::vector<created_point> first_claims(const std::vector<created_point>& plan, int query_keypoints,
+                                               const std::vector<int>& neighbour_keypoints) {
+  std::vector<bool> query_taken(static_cast<std::size_t>(query_keypoints));
+  std::vector<std::vector<bool>> taken(neighbour_keypoints.size());
+  for (std::size_t n = 0; n < taken.size(); ++n) taken[n].resize(static_cast<std::size_t>(neighbour_keypoints[n]));
+  std::vector<created_point> result;
+  for (const created_point& p : plan) {
+    if (p.outcome != creation_outcome::accepted) continue;
+    auto query = query_taken.at(static_cast<std::size_t>(p.query));
+    auto neighbour = taken.at(static_cast<std::size_t>(p.neighbour)).at(static_cast<std::size_t>(p.candidate));
+    if (query || neighbour) continue;
+    query = true;
+    neighbour = true;
+    result.push_back(p);
+  }
+  return result;
+}
+
+}  // namespace turbomap

@@ -1,0 +1,69 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Which neighbours a new keyframe is searched against: the caller's rules of [ORB-SLAM3], for callers who want them.
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+#include "../config.hpp"
+#include "../error.hpp"
+#include "../math/functions.hpp"
+#include "../math/linear.hpp"
+#include "../types.hpp"
+
+namespace turbomap {
+
+/// Options of the neighbour rules. Defaults are those of [ORB-SLAM3].
+struct neighbour_options {
+  int min_shared_points = 15;        ///< keyframes that share fewer are not covisible, unless no other is
+  int stereo_neighbours = 10;        ///< best covisible keyframes with stereo depth
+  int monocular_neighbours = 30;     ///< and without
+  int inertial_neighbours = 11;      ///< inertial: temporal predecessors are added while there are fewer
+  double min_baseline_depth_ratio = 0.01;  ///< monocular: baseline / median depth of the neighbour's points
+};
+
+}  // namespace turbomap
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Distance between the centres of two keyframes, m.
+inline double baseline(const rigid_transform<double>& T_aw, const rigid_transform<double>& T_bw) {
+  return norm(camera_centre(to_isometry<double>(T_aw)) - camera_centre(to_isometry<double>(T_bw)));
+}
+
+/// With stereo depth: is there more parallax to win than the stereo pair itself has?
+/// \param stereo_baseline  m, of the stereo pair or rig
+inline bool baseline_suffices_stereo(const rigid_transform<double>& T_aw, const rigid_transform<double>& T_bw,
+                                     double stereo_baseline) {
+  return !(baseline(T_aw, T_bw) < stereo_baseline);
+}
+
+/// Monocular: does the baseline stand in proportion to the scene?
+/// \param median_depth  median depth (m) of the neighbour's map points, see median_depth(); <= 0 or NaN: no
+inline bool baseline_suffices_monocular(const rigid_transform<double>& T_aw, const rigid_transform<double>& T_bw,
+                                        double median_depth, const neighbour_options& options = {}) {
+  return median_depth > 0 && !(baseline(T_aw, T_bw) / median_depth < options.min_baseline_depth_ratio);
+}
+
+/// Median depth (m) of world points in a keyframe: element floor((n - 1) / 2) of the sorted depths. -1 without points. Not
+/// finite depths are left out. `depths` is scratch that is reused. O(n).
+inline double median_depth(const rigid_transform<double>& T_cw, const std::vector<vec3<double>>& points,
+                           std::vector<double>& depths) {
+  const isometry<double> T = to_isometry<double>(T_cw);
+  depths.clear();
+  for (const vec3<double>& p : points) {
+    const double z = (T * p).z;
+    if (detail::is_finite(z)) depths.push_back(z);
+  }
+  if (depths.empty()) return -1;
+  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>((depths.size() - 1) / 2);
+  std::nth_element(depths.begin(), middle, depths.end());
+  return *middle;
+}
+
+TURBOMAP_END_NAMESPACE
