@@ -75,6 +75,7 @@ class replayer {
     handles_.push_back(store_.insert(data));
     map_.add_keyframe(data.keypoint_count, own_pose(keyframe));
     associate(i);
+    covisible_ = map_.covisible(i);
     const double inserted = now_ms();
     double searched = inserted, created = inserted;
     if (arguments_.search) {
@@ -149,9 +150,8 @@ class replayer {
   void gather_neighbours(std::int32_t i) {
     const turbomap::neighbour_options rules;
     std::vector<std::int32_t> chosen;
-    const auto covisible = map_.covisible(i);
     const auto limit = static_cast<std::size_t>(is_monocular() ? rules.monocular_neighbours : rules.stereo_neighbours);
-    for (const auto& c : covisible)
+    for (const auto& c : covisible_)
       if (chosen.size() < limit && (c.shared_points >= rules.min_shared_points || chosen.empty()))
         chosen.push_back(c.keyframe);
     if (recording_.meta.sensor == "inertial")
@@ -283,6 +283,7 @@ class replayer {
   std::vector<turbomap::keyframe_handle> handles_, call_;
   std::vector<turbomap::pinned_keyframes<orb, Camera, memory>> pinned_;
   std::vector<turbomap::keypoint> keypoints_;
+  std::vector<turbomap::covisible_keyframe> covisible_;
   std::vector<std::int32_t> neighbours_;
   std::vector<std::vector<std::uint8_t>> masks_;
   std::vector<posed> posed_;

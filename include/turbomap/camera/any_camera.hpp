@@ -64,16 +64,16 @@ class any_camera {
     return index_ == detail::index_of<C, Cameras...>() ? reinterpret_cast<const C*>(bytes_) : nullptr;
   }
 
-  template <class S>
+  template <class S, class = detail::this_target>
   TURBOMAP_HD bool project(const vec3<S>& point, vec2<S>& pixel) const {
     return project_as<0>(point, pixel);
   }
-  template <class S>
+  template <class S, class = detail::this_target>
   TURBOMAP_HD bool unproject(const vec2<S>& pixel, vec3<S>& bearing) const {
     return unproject_as<0>(pixel, bearing);
   }
   /// False also when the model that it holds has no derivative.
-  template <class S>
+  template <class S, class = detail::this_target>
   TURBOMAP_HD bool jacobian(const vec3<S>& point, mat23<S>& d_pixel_d_point) const {
     return jacobian_as<0>(point, d_pixel_d_point);
   }
@@ -96,7 +96,7 @@ class any_camera {
  private:
   // One recursion per member, not a visit() with a lambda: extended lambdas are an option of nvcc that users may not
   // set.
-  template <int I, class S>
+  template <int I, class S, class = detail::this_target>
   TURBOMAP_HD bool project_as(const vec3<S>& point, vec2<S>& pixel) const {
     if constexpr (I < count) {
       if (index_ == I) return held<I>().project(point, pixel);
@@ -104,7 +104,7 @@ class any_camera {
     }
     return false;
   }
-  template <int I, class S>
+  template <int I, class S, class = detail::this_target>
   TURBOMAP_HD bool unproject_as(const vec2<S>& pixel, vec3<S>& bearing) const {
     if constexpr (I < count) {
       if (index_ == I) return held<I>().unproject(pixel, bearing);
@@ -112,7 +112,7 @@ class any_camera {
     }
     return false;
   }
-  template <int I, class S>
+  template <int I, class S, class = detail::this_target>
   TURBOMAP_HD bool jacobian_as(const vec3<S>& point, mat23<S>& d_pixel_d_point) const {
     if constexpr (I < count) {
       if (index_ != I) return jacobian_as<I + 1>(point, d_pixel_d_point);

@@ -25,15 +25,15 @@ struct resolution_profile {
   float pixels_per_radian[entries] = {};
 
   TURBOMAP_HD float at(float cosine) const {
-    const int i = static_cast<int>((1 - cosine) * (entries / 2));
-    return pixels_per_radian[i < 0 ? 0 : i >= entries ? entries - 1 : i];
+    const float i = (1 - cosine) * (entries / 2);
+    return pixels_per_radian[!(i > 0) ? 0 : i >= entries ? entries - 1 : static_cast<int>(i)];
   }
   bool known() const { return pixels_per_radian[0] > 0; }
 };
 
 /// Measures a camera by its Jacobian, at 8 angles an entry and 16 directions around the axis; 5 % are taken off for what
 /// lies between the samples, and no entry is below min_pixels_per_radian(). Tens of microseconds: once per rig.
-template <class Camera>
+template <class Camera, class = detail::this_target>
 resolution_profile measure_resolution(const Camera& camera, const image_bounds& bounds) {
   resolution_profile profile;
   const double least = min_pixels_per_radian(camera, bounds);

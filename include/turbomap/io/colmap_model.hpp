@@ -110,7 +110,8 @@ inline colmap_camera read_colmap_camera(colmap_lines& in) {
 inline colmap_image read_colmap_image(colmap_lines& in) {
   colmap_image image;
   auto& T = image.T_cw;
-  T.qw = in.take<double>("qw"), T.qx = in.take<double>("qx"), T.qy = in.take<double>("qy"), T.qz = in.take<double>("qz");
+  T.qw = in.take<double>("qw"), T.qx = in.take<double>("qx"), T.qy = in.take<double>("qy"),
+  T.qz = in.take<double>("qz");
   T.tx = in.take<double>("tx"), T.ty = in.take<double>("ty"), T.tz = in.take<double>("tz");
   const double norm = std::sqrt(T.qx * T.qx + T.qy * T.qy + T.qz * T.qz + T.qw * T.qw);
   if (!(std::abs(norm - 1) < 1e-2)) in.fail("the rotation is no unit quaternion");

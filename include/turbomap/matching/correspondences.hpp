@@ -7,6 +7,7 @@
 /// its host form, is asked for last.
 
 #include <cstdint>
+#include <type_traits>
 #include <vector>
 
 #include "../array.hpp"
@@ -31,6 +32,8 @@ class correspondences {
   correspondences(correspondences&&) = default;
   correspondences& operator=(correspondences&&) = default;
 
+  /// No matches: what is left where a call ran out of memory.
+  void clear() { view_.neighbour_count = view_.slot_count = 0; }
   /// What kernels, filters and point creation read, in the memory of the policy.
   const search_view<Descriptor, Camera>& view() const { return view_; }
 
@@ -42,20 +45,23 @@ class correspondences {
   }
   /// The same into a vector that is reused.
   void plan(context<Policy>& ctx, plan_type& result) const {
-    download(ctx, host_match_);
-    host_distance_.resize(host_match_.size());
-    copy_out(ctx.policy(), host_distance_.data(), view_.distance, host_match_.size() * sizeof(distance_type));
+    const std::int32_t* match = on_host(ctx, view_.match, host_match_);
+    const distance_type* distance = on_host(ctx, view_.distance, host_distance_);
     ctx.synchronize();
     result.clear();
-    for (std::size_t i = 0; i < host_match_.size(); ++i)
-      if (host_match_[i] != no_match)
-        result.push_back({static_cast<std::int32_t>(i / static_cast<std::size_t>(view_.slot_count)),
-                          queries_[i % static_cast<std::size_t>(view_.slot_count)], host_match_[i], host_distance_[i]});
+    for (int n = 0, i = 0; n < view_.neighbour_count; ++n)
+      for (int slot = 0; slot < view_.slot_count; ++slot, ++i)
+        if (match[i] != no_match)
+          result.push_back({n, queries_[static_cast<std::size_t>(slot)], match[i], distance[i]});
   }
-  /// The raw candidates on the host, [neighbour][slot], no_match where there is none; read it after ctx.synchronize().
-  void download(context<Policy>& ctx, std::vector<std::int32_t>& match) const {
-    match.resize(static_cast<std::size_t>(view_.neighbour_count) * static_cast<std::size_t>(view_.slot_count));
-    copy_out(ctx.policy(), match.data(), view_.match, match.size() * sizeof(std::int32_t));
+  /// An array of the result, [neighbour][slot], for the host to read after ctx.synchronize(): copied into `buffer`, or as it
+  /// is where the policy computes in host memory.
+  template <class T>
+  const T* on_host(context<Policy>& ctx, const T* resident, std::vector<T>& buffer) const {
+    if constexpr (std::is_same_v<memory_type, host_memory>) return resident;
+    buffer.resize(static_cast<std::size_t>(view_.neighbour_count) * static_cast<std::size_t>(view_.slot_count));
+    copy_out(ctx.policy(), buffer.data(), resident, buffer.size() * sizeof(T));
+    return buffer.data();
   }
   /// Keypoints without a map point of all neighbours together.
   std::size_t candidate_count() const { return static_cast<std::size_t>(candidate_count_); }

@@ -23,14 +23,14 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Shape of the classes and buckets: a compromise between comparing too much and reading too many windows, measured; no
 /// influence on results.
 struct epipolar_order_layout {
-  static constexpr int class_count = 2;          ///< wider candidates than the last class are compared with every query
-  static constexpr float narrowest = 1.0F / 16;  ///< half-width of class 0, rad; each further class is 4 times as wide
-  static constexpr float slack = 3e-4F;          ///< rad, added to every half-width
+  static constexpr int class_count = 2;        ///< each class is 4 times as wide as the one before; candidates wider than the
+                                               ///< last are compared with every query
+  static constexpr float typical = 2;          ///< class 0 is this times the mean half-width of the table's candidates
+  static constexpr float widest = 1.0F / 3;    ///< but not wider, rad
+  static constexpr float slack = 3e-4F;        ///< rad, added to every half-width
   static constexpr float pi = 3.14159265F;
 
-  static constexpr float class_width(int k) { return narrowest * static_cast<float>(1 << (2 * k)); }
-  /// Buckets of class k over the full circle: an eighth of a class width each.
-  static constexpr int bucket_count(int k) { return static_cast<int>(2 * pi / (class_width(k) / 8)) + 1; }
+  static constexpr int bucket_count(int k) { return 1024 >> (2 * k); }  ///< over the full circle
   static constexpr int first_bucket(int k) { return k == 0 ? 0 : first_bucket(k - 1) + bucket_count(k - 1); }
   /// All buckets, and one more for the candidates of every query.
   static constexpr int total_buckets() { return first_bucket(class_count) + 1; }
@@ -98,31 +98,44 @@ class plane_measure {
   const resolution_profile* resolution_;
 };
 
-/// Class of a half-width: the first that is wide enough, or class_count when none is.
-inline int width_class(float half_width) {
-  if (half_width < 0) return epipolar_order_layout::class_count;
-  int k = 0;
-  while (k < epipolar_order_layout::class_count && half_width > epipolar_order_layout::class_width(k)) ++k;
-  return k;
-}
-
 /// The sorted candidates of one (neighbour, query camera, neighbour camera).
 struct epipolar_table {
   using layout = epipolar_order_layout;
 
   std::int32_t* offsets;     ///< total_buckets() + 1
   std::int32_t* candidates;  ///< by class, then bucket; within a bucket in no particular order
+  float* narrowest;          ///< half-width of class 0, rad
 
+  float class_width(int k) const { return *narrowest * static_cast<float>(1 << (2 * k)); }
+  /// Class of a half-width: the first that is wide enough, or class_count when none is.
+  int width_class(float half_width) const {
+    int k = half_width < 0 ? layout::class_count : 0;
+    while (k < layout::class_count && half_width > class_width(k)) ++k;
+    return k;
+  }
   static int bucket_of(int k, float angle) {
     const int n = layout::bucket_count(k);
     const int bucket = static_cast<int>(angle * (static_cast<float>(n) / (2 * layout::pi)));
     return bucket < 0 ? 0 : bucket >= n ? n - 1 : bucket;
   }
 
-  /// Sorts `count` candidates by `keys` (bucket numbers): one counting sort.
-  void build(const std::int32_t* keypoints, const std::int32_t* keys, int count) {
+  /// Sorts `count` candidates: chooses the classes by their intervals, then one counting sort by bucket.
+  /// \param keys  scratch of `count`
+  void build(const std::int32_t* keypoints, const plane_interval* intervals, std::int32_t* keys, int count) {
+    float sum = 0;
+    int bounded = 0;
+    for (int i = 0; i < count; ++i) {
+      sum += intervals[i].half_width < 0 ? 0 : intervals[i].half_width;
+      bounded += intervals[i].half_width < 0 ? 0 : 1;
+    }
+    const float typical = bounded == 0 ? layout::widest : layout::typical * sum / static_cast<float>(bounded);
+    *narrowest = typical < layout::widest ? typical : layout::widest;
     for (int i = 0; i <= layout::total_buckets(); ++i) offsets[i] = 0;
-    for (int i = 0; i < count; ++i) ++offsets[keys[i] + 1];
+    for (int i = 0; i < count; ++i) {
+      const int k = width_class(intervals[i].half_width);
+      keys[i] = k == layout::class_count ? layout::total_buckets() - 1 : layout::first_bucket(k) + bucket_of(k, intervals[i].angle);
+      ++offsets[keys[i] + 1];
+    }
     for (int i = 0; i < layout::total_buckets(); ++i) offsets[i + 1] += offsets[i];
     // Filling moves every offset to the end of its bucket, which is the start of the next: shifted back afterwards.
     for (int i = 0; i < count; ++i) candidates[offsets[keys[i]]++] = keypoints[i];
@@ -143,7 +156,7 @@ struct epipolar_table {
     for (int k = 0; k < layout::class_count; ++k) {
       const int first = layout::first_bucket(k), n = layout::bucket_count(k);
       if (offsets[first] == offsets[first + n]) continue;
-      const float half = q.half_width + layout::class_width(k), per_bucket = static_cast<float>(n) / (2 * layout::pi);
+      const float half = q.half_width + class_width(k), per_bucket = static_cast<float>(n) / (2 * layout::pi);
       const int low = static_cast<int>(std::floor((q.angle - half) * per_bucket));
       const int high = static_cast<int>(std::floor((q.angle + half) * per_bucket));
       if (high - low + 1 >= n) {

@@ -44,8 +44,29 @@ TURBOMAP_HD inline int find_group(const group_index_view& groups, std::uint32_t 
   return low < groups.group_count && groups.ids[low] == group ? low : -1;
 }
 
+/// Some members of a group that may be matched. Collected before they are compared, without a branch: half of a group holds
+/// map points, in no order that a processor could predict.
+struct group_block {
+  static constexpr int size = 64;  ///< members looked at once; a group of any size is several blocks
+  std::int32_t keypoints[size];
+  int count = 0;
+
+  /// Collects members of [at, end) for which free(keypoint) holds; returns where to go on.
+  template <class Free>
+  TURBOMAP_HD std::uint32_t collect(const index_list& members, std::uint32_t at, std::uint32_t end, Free free) {
+    const std::uint32_t stop = end - at < static_cast<std::uint32_t>(size) ? end : at + size;
+    count = 0;
+    for (; at < stop; ++at) {
+      const auto keypoint = static_cast<std::int32_t>(members[at]);
+      keypoints[count] = keypoint;
+      count += free(keypoint) ? 1 : 0;
+    }
+    return at;
+  }
+};
+
 /// Index i = neighbour * (groups of the query) + group: the query keypoints of one visual word against the neighbour's
-/// keypoints of the same word. Every slot of `match` must hold no_match before.
+/// keypoints of the same word. Every slot of `match` must hold no_match before, and of `distance` max_distance.
 template <class Descriptor, class Camera>
 struct grouped_search {
   search_view<Descriptor, Camera> search;
@@ -54,27 +75,35 @@ struct grouped_search {
 
   TURBOMAP_HD void operator()(int i) const {
     const int n = i / query_groups, group = i % query_groups;
-    const auto& query = search.query();
-    const auto& neighbour = search.neighbour(n);
-    const int other = find_group(neighbour.groups, query.groups.ids[group]);
+    const auto& mine = search.query().groups;
+    const auto& theirs = search.neighbour(n).groups;
+    const int other = find_group(theirs, mine.ids[group]);
     if (other < 0) return;
     const std::uint8_t* has_point = search.has_point + search.has_point_offset[n];
-    const auto& mine = query.groups;
-    const auto& theirs = neighbour.groups;
-    for (std::uint32_t q = mine.offsets[group]; q < mine.offsets[group + 1]; ++q) {
-      const int keypoint = static_cast<int>(mine.keypoints[q]);
-      const int slot = slot_of_query[keypoint];
-      if (slot < 0) continue;
-      const auto* descriptor = query.descriptor_of(keypoint);
-      candidate_scan<Descriptor, Camera> scan(search, n, keypoint);
-      for (std::uint32_t k = theirs.offsets[other]; k < theirs.offsets[other + 1]; ++k) {
-        const std::int32_t c = static_cast<std::int32_t>(theirs.keypoints[k]);
-        const auto d = Descriptor::distance(descriptor, neighbour.descriptor_of(c));
-        if (d <= scan.best_distance() && has_point[c] == 0) scan.consider(c, d);
+    const std::uint32_t last_query = mine.offsets[static_cast<std::size_t>(group) + 1];
+    const std::uint32_t last_candidate = theirs.offsets[static_cast<std::size_t>(other) + 1];
+    group_block queries, candidates;
+    for (std::uint32_t q = mine.offsets[static_cast<std::size_t>(group)]; q < last_query;) {
+      q = queries.collect(mine.keypoints, q, last_query, [&](std::int32_t k) { return slot_of_query[k] >= 0; });
+      for (std::uint32_t c = theirs.offsets[static_cast<std::size_t>(other)]; c < last_candidate;) {
+        c = candidates.collect(theirs.keypoints, c, last_candidate, [&](std::int32_t k) { return has_point[k] == 0; });
+        for (int k = 0; k < queries.count; ++k) match(n, queries.keypoints[k], candidates);
       }
-      search.match[n * search.slot_count + slot] = scan.best();
-      search.distance[n * search.slot_count + slot] = scan.best_distance();
     }
+  }
+
+ private:
+  TURBOMAP_HD void match(int n, std::int32_t keypoint, const group_block& candidates) const {
+    const std::int64_t at = static_cast<std::int64_t>(n) * search.slot_count + slot_of_query[keypoint];
+    const auto& neighbour = search.neighbour(n);
+    const auto* descriptor = search.query().descriptor_of(keypoint);
+    candidate_scan<Descriptor, Camera> scan(search, n, keypoint, search.match[at], search.distance[at]);
+    for (int k = 0; k < candidates.count; ++k) {
+      const auto d = Descriptor::distance(descriptor, neighbour.descriptor_of(candidates.keypoints[k]));
+      if (d <= scan.best_distance()) scan.consider(candidates.keypoints[k], d);
+    }
+    search.match[at] = scan.best();
+    search.distance[at] = scan.best_distance();
   }
 };
 

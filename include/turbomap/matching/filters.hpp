@@ -5,7 +5,8 @@
 /// \file
 /// Filters of correspondences, composable in any order: `filter(ctx, matches, ratio_test{0.8}, mutual_best{}, one_to_one{})`.
 /// Each removes matches, where the matches are. A user's own filter is a plain struct with
-/// `template <class D, class C> TURBOMAP_HD bool keep(const search_view<D, C>& search, int i) const`.
+/// `template <class D, class C> TURBOMAP_HD bool keep(const search_view<D, C>& search, int i) const`. It is asked about
+/// results search.match[i] that are a match, concurrently: of `match` it may read element i only.
 
 #include <cstdint>
 #include <cstring>
@@ -67,6 +68,7 @@ TURBOMAP_HD bool any_candidate(const search_view<Descriptor, Camera>& search, in
     const auto& groups = search.neighbour(n).groups;
     const std::uint8_t* has_point = search.has_point + search.has_point_offset[n];
     const int g = group_containing(groups, static_cast<std::uint32_t>(match));
+    if (g < 0) return false;  // a given match of keypoints without a group
     for (std::uint32_t k = groups.offsets[static_cast<std::size_t>(g)]; k < groups.offsets[static_cast<std::size_t>(g) + 1]; ++k) {
       const auto c = static_cast<std::int32_t>(groups.keypoints[k]);
       if (has_point[c] == 0 && predicate(c)) return true;
@@ -84,6 +86,7 @@ TURBOMAP_HD bool any_query(const search_view<Descriptor, Camera>& search, std::i
   const bool grouped = search.options.candidate_set == candidates::grouped;
   const auto& groups = search.query().groups;
   const int group = grouped ? group_containing(groups, static_cast<std::uint32_t>(query)) : -1;
+  if (grouped && group < 0) return false;  // a given match of keypoints without a group
   for (int k = 0; k < search.slot_count; ++k) {
     const std::int32_t q = search.queries[k];
     if (predicate(q) && (!grouped || group_containing(groups, static_cast<std::uint32_t>(q)) == group)) return true;
@@ -145,8 +148,9 @@ struct keep_rotation {
     const auto& neighbour = search.neighbour(i / search.slot_count);
     S change = S(search.query().angle[search.queries[i % search.slot_count]]) - S(neighbour.angle[search.match[i]]);
     if (change < S(0)) change += S(360);
-    const int b = static_cast<int>((change * S(static_cast<float>(options.bins)) / S(360)).value);
-    return b < 0 ? 0 : b >= options.bins ? options.bins - 1 : b;
+    const float b = (change * S(static_cast<float>(options.bins)) / S(360)).value;
+    // Compared before it is converted: what an int cannot hold becomes another one on each processor.
+    return !(b > 0) ? 0 : b >= static_cast<float>(options.bins) ? options.bins - 1 : static_cast<int>(b);
   }
   template <class Descriptor, class Camera>
   TURBOMAP_HD bool keep(const search_view<Descriptor, Camera>& search, int i) const {
@@ -179,9 +183,10 @@ struct keep_winner {
   template <class Descriptor, class Camera>
   TURBOMAP_HD static std::uint64_t claim(const search_view<Descriptor, Camera>& search, int i) {
     // Distances are not negative, so the bits of a float are ordered like its value, and those of an int anyway.
-    static_assert(sizeof(typename Descriptor::distance_type) == 4);
-    std::uint32_t bits;
-    std::memcpy(&bits, &search.distance[i], sizeof(bits));
+    static_assert(sizeof(typename Descriptor::distance_type) == 4,
+                  "turbomap: one_to_one needs a descriptor whose distance_type has 32 bits: float, std::int32_t...");
+    std::uint32_t bits = 0;
+    if (search.distance[i] != 0) std::memcpy(&bits, &search.distance[i], sizeof(bits));  // -0.0F is 0
     return static_cast<std::uint64_t>(bits) << 32 | static_cast<std::uint32_t>(i % search.slot_count);
   }
   template <class Descriptor, class Camera>
@@ -224,12 +229,14 @@ template <class Descriptor, class Camera, class Policy>
 void apply_filter(context<Policy>& ctx, correspondences<Descriptor, Camera, Policy>& matches, const mutual_best&) {
   apply_filter(ctx, matches, detail::keep_mutual{});
 }
-/// \throws std::invalid_argument  bins or kept below 1, or a keyframe without angles
+/// \throws std::invalid_argument  bins or kept below 1, min_fraction not in [0, 1], or a keyframe without angles
 template <class Descriptor, class Camera, class Policy>
 void apply_filter(context<Policy>& ctx, correspondences<Descriptor, Camera, Policy>& matches,
                   const rotation_histogram& filter) {
   require(filter.bins >= 1, "rotation_histogram.bins", filter.bins, "must be at least 1");
   require(filter.kept >= 1, "rotation_histogram.kept", filter.kept, "must be at least 1");
+  require(filter.min_fraction >= 0 && filter.min_fraction <= 1, "rotation_histogram.min_fraction", filter.min_fraction,
+          "must be in [0, 1]");
   require(matches.has_angles(), "rotation_histogram", "no angles", "every keyframe needs the angle of its keypoints");
   const auto& search = matches.view();
   const std::size_t counters = static_cast<std::size_t>(search.neighbour_count) * static_cast<std::size_t>(filter.bins);

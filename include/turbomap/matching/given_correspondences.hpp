@@ -20,7 +20,8 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Fills `result` as search_correspondences() would have, with the given matches: at most one for a query keypoint and
 /// neighbour, none of a keypoint that holds a map point.
 /// \throws std::invalid_argument as search_correspondences() does, and naming the match for an index out of range, a
-///         keypoint that holds a map point, or a second match of a query keypoint with one neighbour; `result` is unchanged
+///         keypoint that holds a map point, a distance that is negative or NaN, or a second match of a query keypoint
+///         with one neighbour; `result` is unchanged
 template <class Descriptor, class Camera, class Policy>
 void given_correspondences(context<Policy>& ctx, const posed_keyframe<Descriptor, Camera>& query,
                            span<const posed_keyframe<Descriptor, Camera>> neighbours,
@@ -49,6 +50,7 @@ void given_correspondences(context<Policy>& ctx, const posed_keyframe<Descriptor
             "is not a keypoint of the neighbour");
     require(!mapped(query, m.query), "matches[].query", m.query, "holds a map point");
     require(!mapped(neighbour, m.candidate), "matches[].candidate", m.candidate, "holds a map point");
+    require(m.distance >= 0, "matches[].distance", m.distance, "must not be negative");
     const std::size_t at = static_cast<std::size_t>(m.neighbour) * static_cast<std::size_t>(slots) +
                            static_cast<std::size_t>(slot[static_cast<std::size_t>(m.query)]);
     require(candidate[at] == no_match, "matches[].query", m.query, "has two matches with one neighbour");

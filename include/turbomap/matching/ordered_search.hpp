@@ -24,7 +24,9 @@ struct ordered_tables {
   search_view<Descriptor, Camera> search;
   std::int32_t* offsets;
   std::int32_t* candidates;
+  float* narrowest;
   std::int32_t* keypoints;  ///< the candidates of camera b, before sorting
+  plane_interval* intervals;
   std::int32_t* keys;
   typename Descriptor::element* descriptors;  ///< of `candidates`, in their order: windows are read as a stream
   float largest_scale;
@@ -37,7 +39,7 @@ struct ordered_tables {
     const std::int64_t begin = search.candidate_offset[n], count = search.candidate_offset[n + 1] - begin;
     const std::int64_t slice = cameras * begin + (a * search.neighbour_cameras + b) * count;
     return {offsets + static_cast<std::int64_t>(table(n, a, b)) * (epipolar_order_layout::total_buckets() + 1),
-            candidates + slice};
+            candidates + slice, narrowest + table(n, a, b)};
   }
   /// Measure of the candidates (side b) of a pair.
   plane_measure candidate_measure(const pair_geometry& g, int n, int b) const {
@@ -66,23 +68,18 @@ struct build_ordered_table {
     epipolar_table table = tables.view(n, a, b);
     const std::int64_t slice = table.candidates - tables.candidates;
     std::int32_t* keypoints = tables.keypoints + slice;
-    std::int32_t* keys = tables.keys + slice;
+    plane_interval* intervals = tables.intervals + slice;
     int count = 0;
     if (b < neighbour.camera_count) {
       const plane_measure measure = tables.candidate_measure(search.pair(n, a, b), n, b);
       for (int k = search.candidate_offset[n]; k < search.candidate_offset[n + 1]; ++k) {
         const std::int32_t c = search.candidates[k];
         if (neighbour.camera_of(c) != b) continue;
-        const plane_interval interval = measure(neighbour.bearing[c], neighbour.bearing[c].z, search.scale[neighbour.octave[c]]);
-        const int width = width_class(interval.half_width);
         keypoints[count] = c;
-        keys[count] = width == epipolar_order_layout::class_count
-                          ? epipolar_order_layout::total_buckets() - 1
-                          : epipolar_order_layout::first_bucket(width) + epipolar_table::bucket_of(width, interval.angle);
-        ++count;
+        intervals[count++] = measure(neighbour.bearing[c], neighbour.bearing[c].z, search.scale[neighbour.octave[c]]);
       }
     }
-    table.build(keypoints, keys, count);
+    table.build(keypoints, intervals, tables.keys + slice, count);
     auto* descriptors = tables.descriptors + slice * Descriptor::elements;
     for (int k = 0; k < count; ++k)
       std::memcpy(descriptors + static_cast<std::int64_t>(k) * Descriptor::elements,
@@ -153,7 +150,10 @@ void run_ordered(context<Policy>& ctx, const search_view<Descriptor, Camera>& se
   ordered_tables<Descriptor, Camera> tables{
       search,
       ctx.template scratch<std::int32_t>(static_cast<std::size_t>(table_count) * (epipolar_order_layout::total_buckets() + 1)),
-      ctx.template scratch<std::int32_t>(entries), ctx.template scratch<std::int32_t>(entries),
+      ctx.template scratch<std::int32_t>(entries),
+      ctx.template scratch<float>(static_cast<std::size_t>(table_count)),
+      ctx.template scratch<std::int32_t>(entries),
+      ctx.template scratch<plane_interval>(entries),
       ctx.template scratch<std::int32_t>(entries),
       ctx.template scratch<typename Descriptor::element>(entries * Descriptor::elements),
       search.largest_scale};

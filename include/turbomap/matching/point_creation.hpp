@@ -48,9 +48,9 @@ TURBOMAP_HD creation_view look_at(const keyframe_view<Descriptor, Camera>& keyfr
     v.bf = decision(camera.bf);
     v.u_right = decision(keyframe.u_right[keypoint]);
     v.depth = keyframe.depth == nullptr ? decision(-1) : decision(keyframe.depth[keypoint]);
-    // cos(2 atan(t)) = (1 - t^2) / (1 + t^2), t = half the baseline over the depth
-    const decision t = v.bf / decision(K.fx) / (v.depth + v.depth), t2 = t * t;
-    v.parallax = (decision(1) - t2) / (decision(1) + t2);
+    // cos(2 atan(b / d)) = (d^2 - b^2) / (d^2 + b^2), b = half the baseline; a depth of 0 gives -1, not 0 / 0
+    const decision b = v.bf / decision(K.fx), b2 = b * b, d = v.depth + v.depth, d2 = d * d;
+    v.parallax = (d2 - b2) / (d2 + b2);
   }
   return v;
 }
@@ -106,7 +106,7 @@ struct create_point {
     if (parallax < stereo_parallax && parallax > decision(0) &&
         (va.stereo || vb.stereo || parallax < decision(options.max_parallax_cosine))) {
       p.method = creation_method::triangulated;
-      if (!triangulate(T_aw, va.ray, T_bw, vb.ray, X)) return creation_outcome::at_infinity;
+      if (!triangulate(T_aw, va.ray, T_bw, vb.ray, X, true)) return creation_outcome::at_infinity;
     } else if (va.stereo && va.parallax < vb.parallax) {
       p.method = creation_method::stereo_query;
       if (!(va.depth > decision(0))) return creation_outcome::no_depth;
@@ -148,16 +148,20 @@ class point_creation {
   explicit point_creation(const context<Policy>& ctx) : points_(ctx.resource()) {}
 
   /// All matches with their outcome, in (neighbour, query keypoint) order, equal on every policy. Waits.
+  /// \param matches  what create_points() was given, unchanged; throws std::invalid_argument when its size is another
   template <class Descriptor, class Camera>
   void plan(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches,
             std::vector<created_point>& result) const {
-    matches.download(ctx, host_match_);
-    host_points_.resize(host_match_.size());
-    copy_out(ctx.policy(), host_points_.data(), points_.data(), host_points_.size() * sizeof(created_point));
+    const auto& search = matches.view();
+    require(points_.size() == static_cast<std::size_t>(search.neighbour_count) * static_cast<std::size_t>(search.slot_count),
+            "matches", points_.size(), "are not what the points were made from");
+    const std::int32_t* match = matches.on_host(ctx, search.match, host_match_);
+    const created_point* points = matches.on_host(ctx, points_.data(), host_points_);
     ctx.synchronize();
     result.clear();
-    for (std::size_t i = 0; i < host_match_.size(); ++i)
-      if (host_match_[i] != no_match) result.push_back(host_points_[i]);
+    const int count = search.neighbour_count * search.slot_count;
+    for (int i = 0; i < count; ++i)
+      if (match[i] != no_match) result.push_back(points[i]);
   }
   template <class Descriptor, class Camera>
   std::vector<created_point> plan(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches) const {
@@ -186,6 +190,7 @@ void create_points(context<Policy>& ctx, const correspondences<Descriptor, Camer
                    const creation_options& options, point_creation<Policy>& result) {
   require(options.mono_chi2 > 0, "options.mono_chi2", options.mono_chi2, "must be positive");
   require(options.stereo_chi2 > 0, "options.stereo_chi2", options.stereo_chi2, "must be positive");
+  require(options.scales.scale_factor >= 1, "options.scales.scale_factor", options.scales.scale_factor, "must be at least 1");
   require(options.scale_tolerance >= 1, "options.scale_tolerance", options.scale_tolerance, "must be at least 1");
   require(options.max_parallax_cosine <= 1, "options.max_parallax_cosine", options.max_parallax_cosine, "must be a cosine");
   require(options.max_distance >= 0, "options.max_distance", options.max_distance, "must not be negative");

@@ -74,6 +74,7 @@ class search_setup {
     const std::size_t sigma2_at = place(sizeof(float) * 256);
     const std::size_t mask_at = place(static_cast<std::size_t>(mask_bytes));
 
+    result_.clear();  // from here on memory may run out, and the arrays of the last result are being replaced
     result_.queries_.reserve(static_cast<std::size_t>(slots));
     result_.pairs_.resize_discard(static_cast<std::size_t>(neighbour_count) * query.view.camera_count * cameras);
     result_.match_.resize_discard(static_cast<std::size_t>(results));
