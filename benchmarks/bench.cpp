@@ -1,0 +1,71 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// turbomap-bench: every stage against its sequential oracle, interleaved in one run. See docs/programs.md.
+
+#include <cstdio>
+#include <fstream>
+#include <stdexcept>
+
+#include <CLI/CLI.hpp>
+
+#include <thrust/execution_policy.h>
+#include <thrust/system/omp/execution_policy.h>
+#include <thrust/system/tbb/execution_policy.h>
+
+#include "bench/machine.hpp"
+#include "bench/run.hpp"
+
+namespace {
+
+nlohmann::json run(const turbomap_bench::arguments& a, std::string& machine) {
+  if (a.policy == "seq") return turbomap_bench::run(thrust::seq, a);
+  if (a.policy == "omp") return turbomap_bench::run(thrust::omp::par, a);
+  if (a.policy == "tbb") return turbomap_bench::run(thrust::tbb::par, a);
+#if defined(TURBOMAP_PROGRAM_WITH_CUDA)
+  std::string device;
+  nlohmann::json stages = turbomap_bench::run_cuda(a, device);
+  machine += ", " + device;
+  return stages;
+#else
+  (void)machine;
+  throw std::invalid_argument("--policy cuda: this program was built without CUDA");
+#endif
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  turbomap_bench::arguments a;
+  CLI::App app("Times every stage of TurboMap against its sequential oracle, interleaved in one run.");
+  app.add_option("--policy", a.policy, "execution policy")->check(CLI::IsMember({"seq", "omp", "tbb", "cuda"}));
+  app.add_option("--json", a.json, "write the result to this file");
+  app.add_option("--repetitions", a.repetitions, "samples of each stage, at least 30 to quote them")
+      ->check(CLI::Range(1, 100000));
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    const int status = app.exit(e);
+    return status == 0 ? 0 : 2;
+  }
+  std::string machine = turbomap_bench::processor_name();
+  nlohmann::json result;
+  result["stages"] = run(a, machine);
+  result["machine"] = machine;
+  result["policy"] = a.policy;
+  std::printf("%s, policy %s, medians of %d\n%-18s %12s %12s %8s %12s\n", machine.c_str(), a.policy.c_str(), a.repetitions,
+              "stage (ms)", "ours", "oracle", "ratio", "floor");
+  for (const auto& [name, s] : result["stages"].items())
+    std::printf("%-18s %12.4f %12.4f %7.1fx %12.4f\n", name.c_str(), s["ms_median"].get<double>(),
+                s["oracle_ms_median"].get<double>(), s["ratio"].get<double>(), s.value("floor_ms", 0.0));
+  if (!a.json.empty()) {
+    std::ofstream file(a.json);
+    file << result.dump(2) << '\n';
+    if (!file.flush()) throw std::runtime_error(a.json + ": cannot be written");
+  }
+  return 0;
+} catch (const std::exception& e) {
+  std::fprintf(stderr, "turbomap-bench: %s\n", e.what());
+  return 2;
+}
