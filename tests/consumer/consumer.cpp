@@ -2,14 +2,27 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// A C++ user: a pose of half a turn about z takes the point (1, 2, 3) to (-1, -2, 3).
+/// A C++ user; where the compiler knows OpenMP, in parallel too.
 
-#include <turbomap/math/linear.hpp>
-#include <turbomap/types.hpp>
+#include "mapper.hpp"
+
+#include <thrust/execution_policy.h>
+#if defined(_OPENMP)
+#include <thrust/system/omp/execution_policy.h>
+#endif
+
+template <class Policy>
+my::plans map_under(const Policy& policy) {
+  my::mapper<Policy> mapper(policy);
+  for (const my::frame& f : my::make_frames()) mapper.insert(f);
+  return mapper.map();
+}
 
 int main() {
-  turbomap::rigid_transform<double> pose;
-  pose.qz = 1, pose.qw = 0;
-  const auto x = turbomap::to_isometry<double>(pose) * turbomap::vec3<double>{1, 2, 3};
-  return x.x == -1 && x.y == -2 && x.z == 3 ? 0 : 1;
+  const my::plans plans = map_under(thrust::seq);
+  bool ok = my::plausible(plans);
+#if defined(_OPENMP)
+  ok = ok && my::equal(plans, map_under(thrust::omp::par));
+#endif
+  return ok ? 0 : 1;
 }

@@ -2,26 +2,29 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// A CUDA user: the same as consumer.cpp, computed on the device. Ends with 77 where there is none.
+/// A CUDA user, on a stream of his own. Ends with 77 where there is no device.
 
-#include <turbomap/math/linear.hpp>
-#include <turbomap/types.hpp>
+#include "mapper.hpp"
 
-__global__ void transform(turbomap::rigid_transform<double> pose, turbomap::vec3<double>* x) {
-  *x = turbomap::to_isometry<double>(pose) * *x;
-}
+#include <cstdio>
+
+#include <thrust/system/cuda/execution_policy.h>
 
 int main() {
   int devices = 0;
-  if (cudaGetDeviceCount(&devices) != cudaSuccess || devices == 0) return 77;
-  turbomap::rigid_transform<double> pose;
-  pose.qz = 1, pose.qw = 0;
-  turbomap::vec3<double> x{1, 2, 3};
-  turbomap::vec3<double>* device = nullptr;
-  if (cudaMalloc(&device, sizeof x) != cudaSuccess) return 1;
-  cudaMemcpy(device, &x, sizeof x, cudaMemcpyHostToDevice);
-  transform<<<1, 1>>>(pose, device);
-  const bool ok = cudaMemcpy(&x, device, sizeof x, cudaMemcpyDeviceToHost) == cudaSuccess;
-  cudaFree(device);
-  return ok && x.x == -1 && x.y == -2 && x.z == 3 ? 0 : 1;
+  if (cudaGetDeviceCount(&devices) != cudaSuccess || devices == 0) {
+    std::printf("skipped: no CUDA device\n");
+    return 77;
+  }
+  cudaStream_t stream = nullptr;
+  if (cudaStreamCreate(&stream) != cudaSuccess) return 1;
+  bool ok = false;
+  {
+    const auto policy = thrust::cuda::par_nosync.on(stream);
+    my::mapper<std::decay_t<decltype(policy)>> mapper(policy);
+    for (const my::frame& f : my::make_frames()) mapper.insert(f);
+    ok = my::plausible(mapper.map());
+  }
+  cudaStreamDestroy(stream);
+  return ok ? 0 : 1;
 }

@@ -2,17 +2,26 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// A user with .cpp and .cu files in one program: both halves include the same headers, and neither sees the other's code.
+/// A user with .cpp and .cu files in one program. This one knows types, options and plans, and drives a mapper on the host
+/// and one on a device; both must give the same plans. Ends with 77 where there is no device.
 
 #include "mixed.hpp"
 
-#include <turbomap/math/linear.hpp>
+#include <cstdio>
+
+#if defined(CUDART_VERSION) || TURBOMAP_HAS_CUDA
+#error "a .cpp of the mixed user sees CUDA"
+#endif
 
 int main() {
-  turbomap::rigid_transform<double> pose;
-  pose.qz = 1, pose.qw = 0;
-  const auto here = turbomap::to_isometry<double>(pose) * turbomap::vec3<double>{1, 2, 3};
-  const auto there = transform_in_cu(pose, {1, 2, 3});
-  const bool equal = here.x == there.x && here.y == there.y && here.z == there.z;
-  return equal && TURBOMAP_HAS_CUDA == 0 && compiled_for_cuda() ? 0 : 1;
+  const auto frames = my::make_frames();
+  const my::plans host = my::map_on_host(frames);
+  if (!my::plausible(host)) return 1;
+  if (!my::device_mapper::available()) {
+    std::printf("skipped: no CUDA device\n");
+    return 77;
+  }
+  my::device_mapper device;
+  for (const my::frame& f : frames) device.insert(f);
+  return my::equal(device.map(), host) && my::equal(device.map(), host) ? 0 : 1;
 }

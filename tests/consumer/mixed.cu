@@ -6,10 +6,23 @@
 
 #include "mixed.hpp"
 
-#include <turbomap/math/linear.hpp>
+#include <thrust/system/cuda/execution_policy.h>
 
-turbomap::vec3<double> transform_in_cu(const turbomap::rigid_transform<double>& pose, turbomap::vec3<double> x) {
-  return turbomap::to_isometry<double>(pose) * x;
+#include "mapper.hpp"
+
+namespace my {
+
+struct device_mapper::implementation {
+  mapper<std::decay_t<decltype(thrust::cuda::par_nosync)>> m{thrust::cuda::par_nosync};
+};
+
+bool device_mapper::available() {
+  int devices = 0;
+  return cudaGetDeviceCount(&devices) == cudaSuccess && devices > 0;
 }
+device_mapper::device_mapper() : implementation_(std::make_unique<implementation>()) {}
+device_mapper::~device_mapper() = default;
+void device_mapper::insert(const frame& f) { implementation_->m.insert(f); }
+plans device_mapper::map() { return implementation_->m.map(); }
 
-bool compiled_for_cuda() { return TURBOMAP_HAS_CUDA == 1; }
+}  // namespace my

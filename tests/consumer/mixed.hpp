@@ -3,9 +3,30 @@
 #pragma once
 
 /// \file
-/// What the two halves of the mixed user share: plain data only.
+/// A mapper behind a wall: what it computes with is known to its own source file only, so that .cpp files drive a device
+/// without a CUDA header.
 
-#include <turbomap/types.hpp>
+#include <memory>
 
-turbomap::vec3<double> transform_in_cu(const turbomap::rigid_transform<double>& pose, turbomap::vec3<double> x);
-bool compiled_for_cuda();
+#include "plans.hpp"
+
+namespace my {
+
+/// In mixed.cu, under CUDA.
+class device_mapper {
+ public:
+  static bool available();  ///< there is a device
+  device_mapper();
+  ~device_mapper();
+  void insert(const frame& f);
+  plans map();
+
+ private:
+  struct implementation;
+  std::unique_ptr<implementation> implementation_;
+};
+
+/// In mixed_host.cpp, under thrust::seq.
+plans map_on_host(const std::vector<frame>& frames);
+
+}  // namespace my

@@ -1,0 +1,230 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+// The epipolar order is exact: what it leaves out could not have matched. Nothing is excused here.
+
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "matching_cases.hpp"
+
+namespace {
+
+using namespace turbomap_test;
+using turbomap::epipolar_order_layout;
+using turbomap::epipolar_table;
+using turbomap::plane_interval;
+using turbomap::search_options;
+using turbomap::strict;
+
+constexpr float two_pi = 2 * epipolar_order_layout::pi;
+
+double between(std::mt19937& random, double low, double high) {
+  return std::uniform_real_distribution<double>(low, high)(random);
+}
+
+TEST_CASE("the angle of a plane is right to 1e-4, its width is never too small") {
+  std::mt19937 random(1);
+  for (int i = 0; i < 200000; ++i) {
+    const double a = between(random, 0, 6.283185), r = std::pow(10, between(random, -3, 0));
+    const auto x = static_cast<float>(r * std::cos(a)), y = static_cast<float>(r * std::sin(a));
+    const float angle = turbomap::plane_angle(y, x);
+    const double off = std::remainder(angle - std::atan2(double{y}, double{x}), 2 * 3.14159265358979);
+    REQUIRE(std::abs(off) < 1e-4);
+    REQUIRE(angle >= 0);
+    REQUIRE(angle <= two_pi);
+  }
+  for (const auto& [y, x] : {std::pair{0.F, 1.F}, {0.F, -1.F}, {1.F, 0.F}, {-1.F, 0.F}, {-0.F, 1.F}})
+    CHECK(std::abs(std::remainder(turbomap::plane_angle(y, x) - std::atan2(y, x), two_pi)) < 1e-4);
+  for (int i = 0; i <= 10000; ++i) {
+    const float s = static_cast<float>(i) / 10000;
+    REQUIRE(double{turbomap::asin_bound(s)} >= std::asin(double{s}) - 1e-7);
+  }
+}
+
+TEST_CASE("windows hold every candidate whose interval meets that of the query") {
+  std::mt19937 random(2);
+  for (int round = 0; round < 1000; ++round) {
+    const int n = 1 + static_cast<int>(random() % 200);
+    const double widest = between(random, -3, 0.8);  // of the round, so that every class is used
+    std::vector<plane_interval> intervals;
+    std::vector<std::int32_t> names, keys(static_cast<std::size_t>(n)), candidates(static_cast<std::size_t>(n));
+    std::vector<std::int32_t> offsets(static_cast<std::size_t>(epipolar_order_layout::total_buckets()) + 1);
+    const auto interval = [&random, widest] {
+      const auto angle = static_cast<float>(between(random, 0, two_pi));
+      const bool unbounded = random() % 10 == 0;
+      const bool edge = random() % 5 == 0;
+      return plane_interval{edge ? (random() % 2 ? 0.0F : two_pi * 0.9999999F) : angle,
+                            unbounded ? -1.0F : static_cast<float>(std::pow(10, between(random, widest - 1, widest)))};
+    };
+    for (int i = 0; i < n; ++i) {
+      intervals.push_back(interval());
+      names.push_back(1000 + i);
+    }
+    float narrowest = 0;
+    epipolar_table table{offsets.data(), candidates.data(), &narrowest};
+    table.build(names.data(), intervals.data(), keys.data(), n);
+    for (int i = 0; i < 50; ++i) {
+      const plane_interval q = interval();
+      std::vector<int> visits(static_cast<std::size_t>(n));
+      table.windows(q, [&](std::int32_t first, std::int32_t last) {
+        REQUIRE((first >= 0 && last <= n));
+        for (std::int32_t c = first; c < last; ++c)
+          ++visits[static_cast<std::size_t>(candidates[static_cast<std::size_t>(c)] - 1000)];
+      });
+      for (std::size_t c = 0; c < intervals.size(); ++c) {
+        const float apart = std::abs(std::remainder(intervals[c].angle - q.angle, two_pi));
+        const bool meets =
+            q.half_width < 0 || intervals[c].half_width < 0 || apart < q.half_width + intervals[c].half_width;
+        REQUIRE(visits[c] <= 1);
+        if (meets) REQUIRE(visits[c] == 1);
+      }
+    }
+  }
+}
+
+/// Options from the defaults to the absurd.
+search_options random_options(std::mt19937& random) {
+  search_options o;
+  const double exponent = between(random, -1, 2.5);
+  if (random() % 3 != 0) o.line_chi2 = std::pow(10, exponent), o.reprojection_chi2 = std::pow(10, exponent);
+  if (random() % 8 == 0) o.line_chi2 = o.reprojection_chi2 = 1e12;
+  if (random() % 3 == 0) o.max_parallax_cosine = between(random, -1, 1);
+  if (random() % 3 == 0) o.epipole_radius = between(random, 0, 100);
+  if (random() % 2 == 0) o.max_distance = 256;
+  o.ties = every_tie_rule[random() % 2];
+  return o;
+}
+
+scene_recipe random_recipe(std::mt19937& random, unsigned seed) {
+  scene_recipe r;
+  r.seed = seed;
+  r.how = every_motion[random() % 7];
+  if (random() % 3 == 0) r.how = motion::anything;
+  r.neighbours = 1 + static_cast<int>(random() % 2);
+  r.query_keypoints = 10 + static_cast<int>(random() % 60);
+  r.neighbour_keypoints = 10 + static_cast<int>(random() % 90);
+  constexpr int levels[] = {1, 4, 8, 12};
+  constexpr float factors[] = {1.05F, 1.2F, 1.5F, 2.0F};
+  r.levels = levels[random() % 4];
+  r.scale_factor = factors[random() % 4];
+  r.at_epipole = random() % 2 == 0 ? 0.5 : 0.05;
+  r.mapped = random() % 2 == 0 ? 0.2 : 0;
+  r.prototypes = 1 + static_cast<int>(random() % 30);
+  r.noise = static_cast<int>(random() % 40);
+  return r;
+}
+
+/// Pairs that pass the test, and how many of them the order would have left out: it must be none.
+template <class Descriptor, class Camera>
+std::pair<long, long> count_left_out(scene<Descriptor, Camera>& s, const search_options& options) {
+  turbomap::context<sequential> ctx{};
+  const auto neighbours = s.neighbours();
+  const auto found = turbomap::search_correspondences(
+      ctx, s.query(), turbomap::span<const turbomap::posed_keyframe<Descriptor, Camera>>(neighbours), options);
+  const auto& search = found.view();
+  turbomap::ordered_tables<Descriptor, Camera> tables{};
+  tables.search = search;
+  tables.largest_scale = search.largest_scale;
+  long passed = 0, left_out = 0;
+  for (int n = 0; n < search.neighbour_count; ++n)
+    for (int slot = 0; slot < search.slot_count; ++slot) {
+      const std::int32_t q = search.queries[slot];
+      const int a = search.query().camera_of(q);
+      turbomap::candidate_scan<Descriptor, Camera> scan(search, n, q);
+      for (int k = search.candidate_offset[n]; k < search.candidate_offset[n + 1]; ++k) {
+        const std::int32_t c = search.candidates[k];
+        if (!scan.consistent(c)) continue;
+        ++passed;
+        const int b = search.neighbour(n).camera_of(c);
+        const auto& g = search.pair(n, a, b);
+        const auto r = search.query().bearing[q];
+        const auto turned = g.T_ba.R * turbomap::cast<strict<double>>(r);
+        const auto theirs = search.neighbour(n).bearing[c];
+        const plane_interval mine =
+            tables.query_measure(g, a)({static_cast<float>(turned.x.value), static_cast<float>(turned.y.value),
+                                        static_cast<float>(turned.z.value)},
+                                       r.z, search.scale[search.query().octave[q]]);
+        const plane_interval other =
+            tables.candidate_measure(g, n, b)(theirs, theirs.z, search.scale[search.neighbour(n).octave[c]]);
+        const float apart = std::abs(std::remainder(mine.angle - other.angle, two_pi));
+        if (mine.half_width >= 0 && other.half_width >= 0 && apart > mine.half_width + other.half_width) ++left_out;
+      }
+    }
+  return {passed, left_out};
+}
+
+/// Many random configurations of one rig: the two searches agree to the last index, and no pair that passes the test lies
+/// outside of its window.
+template <class Descriptor = orb, class Camera>
+void fuzz(const test_rig<Camera>& rig, unsigned first_seed, int rounds) {
+  std::mt19937 random(first_seed);
+  turbomap::context<sequential> ctx{};
+  turbomap::correspondences<Descriptor, Camera, sequential> exhaustive(ctx), ordered(ctx);
+  test_rig<Camera> measured = rig;
+  for (auto& c : measured.cameras) c.resolution = turbomap::measure_resolution(c.camera, rig.bounds);
+  long matches = 0, passed = 0;
+  int different = 0;
+  for (int round = 0; round < rounds; ++round) {
+    const unsigned seed = first_seed + static_cast<unsigned>(round);
+    CAPTURE(seed);
+    scene<Descriptor, Camera> s(measured, random_recipe(random, seed));
+    search_options options = random_options(random);
+    options.scales = s.scales();
+    const auto neighbours = s.neighbours();
+    const turbomap::span<const turbomap::posed_keyframe<Descriptor, Camera>> all(neighbours);
+    options.candidate_set = turbomap::candidates::exhaustive;
+    turbomap::search_correspondences(ctx, s.query(), all, options, exhaustive);
+    options.candidate_set = turbomap::candidates::epipolar_ordered;
+    turbomap::search_correspondences(ctx, s.query(), all, options, ordered);
+    const auto expected = exhaustive.plan(ctx);
+    matches += static_cast<long>(expected.size());
+    if (!same(ordered.plan(ctx), expected)) ++different;
+    if (round % 8 == 0) {
+      const auto [pairs, left_out] = count_left_out(s, options);
+      passed += pairs;
+      CHECK(left_out == 0);
+    }
+  }
+  CHECK(different == 0);
+  CHECK(matches > rounds);
+  CHECK(passed > rounds);
+}
+
+TEST_CASE("ordered equals exhaustive: pinhole") {
+  fuzz(pinhole_rig(), 1000, 2000);
+  fuzz(pinhole_rig(50), 3000, 600);
+  fuzz(pinhole_rig(0, 90), 4000, 800);  // 150 degrees and more across
+  fuzz(pinhole_rig(0, 3000), 5000, 400);
+}
+TEST_CASE("ordered equals exhaustive: fisheye") {
+  fuzz(fisheye_rig(1), 6000, 600);
+  fuzz(fisheye_rig(2), 7000, 600);
+  fuzz(fisheye_rig(3), 8000, 300);
+}
+TEST_CASE("ordered equals exhaustive: other models") {
+  fuzz(mixed_rig(), 9000, 500);
+  fuzz(double_sphere_rig(), 10000, 400);
+  fuzz(brown_conrady_rig(), 11000, 400);
+  fuzz(equisolid_rig(), 12000, 100);
+}
+TEST_CASE("octaves beyond the levels of the options") {
+  // Nothing forbids it in a view that the user made himself: the tables of scales go on.
+  for (unsigned seed = 0; seed < 60; ++seed) {
+    scene_recipe recipe;
+    recipe.seed = seed, recipe.levels = 12, recipe.scale_factor = 1.5F, recipe.noise = 40, recipe.at_epipole = 0.3;
+    recipe.query_keypoints = recipe.neighbour_keypoints = 80;
+    scene<orb, fisheye_camera> s(fisheye_rig(), recipe);
+    search_options options;
+    options.scales = {1.5F, 2};
+    options.max_distance = 256;
+    options.candidate_set = turbomap::candidates::exhaustive;
+    const auto expected = search_under(sequential{}, s, options);
+    options.candidate_set = turbomap::candidates::epipolar_ordered;
+    CHECK(same(search_under(sequential{}, s, options), expected));
+    CHECK(count_left_out(s, options).second == 0);
+  }
+}
+
+}  // namespace

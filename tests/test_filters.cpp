@@ -1,0 +1,82 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+// The filters of correspondences against their oracle, under every host policy, and their edge cases.
+
+#include <thrust/execution_policy.h>
+#include <thrust/system/omp/execution_policy.h>
+#include <thrust/system/tbb/execution_policy.h>
+
+#include "filters_cases.hpp"
+
+namespace {
+
+using namespace turbomap_test;
+using turbomap::search_options;
+using omp = std::decay_t<decltype(thrust::omp::par)>;
+using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
+
+TEST_CASE_TEMPLATE("pinhole matches are filtered as the oracle says", Policy, sequential, omp, tbb_policy) {
+  check_all_filters<Policy>(pinhole_rig(50), crowded(10), permissive(), 5);
+}
+TEST_CASE_TEMPLATE("fisheye matches are filtered as the oracle says", Policy, sequential, omp, tbb_policy) {
+  check_all_filters<Policy>(fisheye_rig(), crowded(20), permissive(), 5);
+}
+TEST_CASE("distances of floats") {
+  auto options = permissive();
+  options.max_distance = 1.5;
+  check_all_filters<sequential, turbomap::real_descriptor<float, 64>>(pinhole_rig(), crowded(30), options, 5);
+}
+
+TEST_CASE_TEMPLATE("rotations: equal ones, the wrap at a full turn", Policy, sequential, omp, tbb_policy) {
+  check_rotation_edges<Policy>();
+}
+TEST_CASE_TEMPLATE("claims: none, one, equal distances", Policy, sequential, omp, tbb_policy) {
+  check_one_to_one_edges<Policy>();
+}
+TEST_CASE_TEMPLATE("nothing to filter", Policy, sequential, omp, tbb_policy) { check_empty_filters<Policy>(); }
+TEST_CASE_TEMPLATE("options out of range, angles missing", Policy, sequential, omp) { check_filter_options<Policy>(); }
+TEST_CASE_TEMPLATE("no allocation in the steady state", Policy, sequential, omp, tbb_policy) {
+  check_filter_allocations<Policy>(std::pmr::get_default_resource());
+}
+
+TEST_CASE("a claim of distance -0 is one of distance 0, whoever gave it") {
+  using real = turbomap::real_descriptor<float, 64>;
+  scene_recipe recipe;
+  recipe.neighbours = 1, recipe.mapped = -1;
+  scene<real, pinhole_camera> s(pinhole_rig(), recipe);
+  turbomap::context<sequential> ctx{sequential{}};
+  const auto neighbours = s.neighbours();
+  const std::vector<turbomap::correspondence<float>> given{{0, 3, 5, 0.5F}, {0, 4, 5, -0.0F}, {0, 6, 5, 0.0F}};
+  turbomap::correspondences<real, pinhole_camera, sequential> result(ctx);
+  turbomap::given_correspondences(ctx, s.query(), turbomap::span<const decltype(s.query())>(neighbours),
+                                  turbomap::span<const turbomap::correspondence<float>>(given), {}, result);
+  turbomap::filter(ctx, result, one_to_one{});
+  const auto left = result.plan(ctx);
+  REQUIRE(left.size() == 1);
+  CHECK(left[0].query == 4);
+}
+
+TEST_CASE("given matches of keypoints without a group pass the tests of a grouped search") {
+  scene_recipe recipe;
+  recipe.neighbours = 1, recipe.mapped = -1;
+  scene<orb, pinhole_camera> s(pinhole_rig(), recipe);
+  for (auto& f : s.frames) {
+    for (std::size_t i = 0; i < f.keypoints.size(); i += 2) f.keypoints[i].group = turbomap::keypoint::no_group;
+    s.repack(f);
+  }
+  turbomap::context<sequential> ctx{sequential{}};
+  const auto neighbours = s.neighbours();
+  const plan_of<orb, pinhole_camera> given{{0, 0, 0, 200}, {0, 1, 2, 200}, {0, 2, 1, 200}, {0, 4, 4, 256}};
+  search_options options;
+  options.candidate_set = turbomap::candidates::grouped;
+  turbomap::correspondences<orb, pinhole_camera, sequential> result(ctx);
+  turbomap::given_correspondences(ctx, s.query(), turbomap::span<const decltype(s.query())>(neighbours),
+                                  turbomap::span<const turbomap::correspondence<int>>(given), options, result);
+  turbomap::filter(ctx, result, mutual_best{}, ratio_test{0.5});
+  const auto left = result.plan(ctx);
+  for (const int ungrouped : {0, 4})
+    CHECK(std::any_of(left.begin(), left.end(), [&](const auto& m) { return m.query == ungrouped; }));
+}
+
+}  // namespace
