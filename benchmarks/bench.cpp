@@ -12,26 +12,43 @@
 
 #include <thrust/execution_policy.h>
 #include <thrust/system/omp/execution_policy.h>
+#if __has_include(<tbb/parallel_for.h>)
+#define TURBOMAP_PROGRAM_WITH_TBB 1
 #include <thrust/system/tbb/execution_policy.h>
+#endif
 
 #include "bench/machine.hpp"
 #include "bench/run.hpp"
+#include "simulation/simulate.hpp"
 
 namespace {
 
+/// Two fisheye cameras of about 1000 keypoints each, 40 keyframes.
+turbomap::recording simulated_recording() {
+  namespace sim = turbomap::simulation;
+  const auto rig = sim::tum_vi_rig();
+  sim::simulation_options options;
+  options.motion.most_keyframes = 40;
+  return sim::simulate(sim::builtin_trajectory(rig.cameras[0].T_bc), rig, options);
+}
+
 nlohmann::json run(const turbomap_bench::arguments& a, std::string& machine) {
-  if (a.policy == "seq") return turbomap_bench::run(thrust::seq, a);
-  if (a.policy == "omp") return turbomap_bench::run(thrust::omp::par, a);
-  if (a.policy == "tbb") return turbomap_bench::run(thrust::tbb::par, a);
-#if defined(TURBOMAP_PROGRAM_WITH_CUDA)
-  std::string device;
-  nlohmann::json stages = turbomap_bench::run_cuda(a, device);
-  machine += ", " + device;
-  return stages;
-#else
-  (void)machine;
-  throw std::invalid_argument("--policy cuda: this program was built without CUDA");
+  const turbomap::recording recording = simulated_recording();
+  if (a.policy == "seq") return turbomap_bench::run(thrust::seq, recording, a);
+  if (a.policy == "omp") return turbomap_bench::run(thrust::omp::par, recording, a);
+#if defined(TURBOMAP_PROGRAM_WITH_TBB)
+  if (a.policy == "tbb") return turbomap_bench::run(thrust::tbb::par, recording, a);
 #endif
+#if defined(TURBOMAP_PROGRAM_WITH_CUDA)
+  if (a.policy == "cuda") {
+    std::string device;
+    nlohmann::json stages = turbomap_bench::run_cuda(recording, a, device);
+    machine += ", " + device;
+    return stages;
+  }
+#endif
+  (void)machine;
+  throw std::invalid_argument("--policy " + a.policy + ": this program was built without it");
 }
 
 }  // namespace

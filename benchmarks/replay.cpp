@@ -14,7 +14,10 @@
 
 #include <thrust/execution_policy.h>
 #include <thrust/system/omp/execution_policy.h>
+#if __has_include(<tbb/parallel_for.h>)
+#define TURBOMAP_PROGRAM_WITH_TBB 1
 #include <thrust/system/tbb/execution_policy.h>
+#endif
 
 #include "replay/run.hpp"
 
@@ -26,12 +29,13 @@ using turbomap_replay::outcome;
 outcome run(const arguments& a) {
   if (a.policy == "seq") return turbomap_replay::run(thrust::seq, a);
   if (a.policy == "omp") return turbomap_replay::run(thrust::omp::par, a);
+#if defined(TURBOMAP_PROGRAM_WITH_TBB)
   if (a.policy == "tbb") return turbomap_replay::run(thrust::tbb::par, a);
-#if defined(TURBOMAP_PROGRAM_WITH_CUDA)
-  return turbomap_replay::run_cuda(a);
-#else
-  throw std::invalid_argument("--policy cuda: this program was built without CUDA");
 #endif
+#if defined(TURBOMAP_PROGRAM_WITH_CUDA)
+  if (a.policy == "cuda") return turbomap_replay::run_cuda(a);
+#endif
+  throw std::invalid_argument("--policy " + a.policy + ": this program was built without it");
 }
 
 /// The recording that is made at build time, beside the program.

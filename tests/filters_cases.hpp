@@ -60,8 +60,8 @@ struct searched {
   plan_of<Descriptor, Camera> plan() { return matches.plan(ctx); }
 };
 
-/// Each filter after the one before it: == the oracle on what was left, and == under thrust::seq; all of them in one call
-/// give the same.
+/// Each filter after the one before it: == the oracle on what was left, and == under thrust::seq; all of them in one
+/// call give the same.
 template <class Policy, class Descriptor, class Camera, class... Filters>
 void check_filters(const Policy& policy, scene<Descriptor, Camera>& s, turbomap::search_options options, tally& t,
                    const Filters&... filters) {

@@ -47,7 +47,8 @@ TEST_CASE_TEMPLATE("many at once", Policy, sequential, omp, tbb_policy) {
   std::vector<std::int32_t> counts(cells, 5);
   std::vector<std::uint64_t> least(cells, all_ones), expected(cells, all_ones);
   turbomap::for_each_index(Policy{}, n, contend{counts.data(), least.data()});
-  for (int i = 0; i < n; ++i) expected[static_cast<std::size_t>(i % cells)] = std::min(expected[static_cast<std::size_t>(i % cells)], number(i));
+  for (int i = 0; i < n; ++i)
+    expected[static_cast<std::size_t>(i % cells)] = std::min(expected[static_cast<std::size_t>(i % cells)], number(i));
   CHECK(least == expected);
   for (const std::int32_t c : counts) CHECK(c == 5 + n / cells);
 }

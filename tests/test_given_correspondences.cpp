@@ -3,8 +3,8 @@
 
 // Matches that were found elsewhere are as good as those of a search; wrong ones are refused by name.
 
-#include <turbomap/matching/given_correspondences.hpp>
 #include <turbomap/matching/filters.hpp>
+#include <turbomap/matching/given_correspondences.hpp>
 
 #include <thrust/execution_policy.h>
 #include <thrust/system/omp/execution_policy.h>
@@ -39,7 +39,8 @@ void check_round_trip(const test_rig<Camera>& rig, turbomap::candidates set) {
   REQUIRE(plan.size() > 20);
   auto shuffled = plan;  // in any order
   std::reverse(shuffled.begin(), shuffled.end());
-  turbomap::given_correspondences(ctx, keyframes.query(), keyframes.neighbours(), matches_view(shuffled), options, given);
+  turbomap::given_correspondences(ctx, keyframes.query(), keyframes.neighbours(), matches_view(shuffled), options,
+                                  given);
   CHECK(same(given.plan(ctx), plan));
   CHECK(given.queries() == found.queries());
 
@@ -74,8 +75,8 @@ TEST_CASE("what no search would have found") {
   // Far apart in every sense; one neighbour keypoint twice; one query keypoint with two neighbours.
   const std::vector<match> given{{0, 7, 9, 1000}, {0, 8, 9, 0}, {2, 7, 0, 5}};
   turbomap::correspondences<orb, pinhole_camera, sequential> result(ctx);
-  turbomap::given_correspondences(ctx, s.query(), turbomap::span<const decltype(s.query())>(neighbours), matches_view(given),
-                                  {}, result);
+  turbomap::given_correspondences(ctx, s.query(), turbomap::span<const decltype(s.query())>(neighbours),
+                                  matches_view(given), {}, result);
   CHECK(same(result.plan(ctx), given));
 }
 

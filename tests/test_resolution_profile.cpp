@@ -27,8 +27,8 @@ double angle_between(const turbomap::vec3<double>& a, const turbomap::vec3<doubl
 
 struct measured {
   int violations = 0, pairs = 0;
-  double tightest = 1e9;      ///< least |pixel difference| / (bound * angle)
-  bool varies = false;        ///< somewhere the bound is above the whole image's
+  double tightest = 1e9;  ///< least |pixel difference| / (bound * angle)
+  bool varies = false;    ///< somewhere the bound is above the whole image's
 };
 
 template <class Camera>
@@ -42,9 +42,11 @@ measured measure(const Camera& camera, const turbomap::image_bounds& bounds) {
     m.varies = m.varies || p > 1.02 * least;
   }
   std::mt19937 random(5);
-  std::uniform_real_distribution<double> x(bounds.min_x, bounds.max_x), y(bounds.min_y, bounds.max_y), turn(0, 6.2831853);
+  std::uniform_real_distribution<double> x(bounds.min_x, bounds.max_x), y(bounds.min_y, bounds.max_y),
+      turn(0, 6.2831853);
   for (int i = 0; i < 40000; ++i) {
-    const double reach = std::pow(10, std::uniform_real_distribution<double>(-2, std::log10(16.0))(random)), phi = turn(random);
+    const double reach = std::pow(10, std::uniform_real_distribution<double>(-2, std::log10(16.0))(random)),
+                 phi = turn(random);
     const turbomap::vec2<double> a{x(random), y(random)}, b{a.x + reach * std::cos(phi), a.y + reach * std::sin(phi)};
     if (b.x < bounds.min_x || b.x > bounds.max_x || b.y < bounds.min_y || b.y > bounds.max_y) continue;
     turbomap::vec3<double> r{}, s{};
@@ -72,7 +74,7 @@ void check(const Camera& camera, const turbomap::image_bounds& bounds, bool vari
 
 TEST_CASE("a pinhole spends the more the farther out") {
   check(turbomap::pinhole<float>{458, 457, 367, 248}, {0, 0, 752, 480}, true);
-  check(turbomap::pinhole<double>{300, 600, 320, 240}, {0, 0, 640, 480}, true);  // pixels are not square
+  check(turbomap::pinhole<double>{300, 600, 320, 240}, {0, 0, 640, 480}, true);   // pixels are not square
   check(turbomap::pinhole<double>{300, 300, -200, 900}, {0, 0, 640, 480}, true);  // cut out of a larger image
   check(turbomap::pinhole<double>{5000, 5000, 320, 240}, {0, 0, 640, 480}, false);
 }
@@ -84,7 +86,8 @@ TEST_CASE("Kannala-Brandt") {
   check(kb{250, 251, 320, 240, 0.1, -0.02, 0.003, 0}, image, true);
   check(kb{250, 400, 320, 240, -0.01, 0.002, -0.0005, 0}, image, true);
   check(kb{300, 300, 150, 350, -0.01, 0, 0, 0}, image, true);
-  check(turbomap::any_camera<turbomap::pinhole<float>, turbomap::kannala_brandt<float>>(fisheye()), {0, 0, 512, 512}, true);
+  check(turbomap::any_camera<turbomap::pinhole<float>, turbomap::kannala_brandt<float>>(fisheye()), {0, 0, 512, 512},
+        true);
 }
 TEST_CASE("double sphere") {
   check(turbomap::double_sphere<double>{190, 190, 254, 256, -0.18, 0.59}, {0, 0, 512, 512}, true);

@@ -86,11 +86,11 @@ TEST_CASE("indices out of range change nothing") {
   simple_map map;
   map.add_keyframe(2, {});
   map.add_point({});
-  CHECK_THROWS_WITH_AS(map.add_keyframe(-1, {}), "turbomap: keypoints = -1: must not be negative", std::invalid_argument);
+  CHECK_THROWS_WITH_AS(map.add_keyframe(-1, {}), "turbomap: keypoints = -1: must not be negative",
+                       std::invalid_argument);
   CHECK(map.keyframe_count() == 1);
-  for (const auto& [point, keyframe, keypoint] :
-       {std::array{-1, 0, 0}, std::array{1, 0, 0}, std::array{0, -1, 0}, std::array{0, 1, 0}, std::array{0, 0, -1},
-        std::array{0, 0, 2}})
+  for (const auto& [point, keyframe, keypoint] : {std::array{-1, 0, 0}, std::array{1, 0, 0}, std::array{0, -1, 0},
+                                                  std::array{0, 1, 0}, std::array{0, 0, -1}, std::array{0, 0, 2}})
     CHECK_THROWS_AS(map.observe(point, keyframe, keypoint), std::invalid_argument);
   CHECK_THROWS_AS(map.point_at(0, 2), std::invalid_argument);
   CHECK_THROWS_AS(map.point_at(1, 0), std::invalid_argument);
@@ -104,9 +104,9 @@ TEST_CASE("covisible keyframes: most shared first, equal ones by index, two view
   for (int p = 0; p < 3; ++p) map.add_point({});
   const rig_of cameras{2};
   // Keyframe 3 sees points 0, 1, 2; 0 sees 0 twice; 1 sees 1 and 2; 2 sees 2.
-  for (const auto& [p, k, i] : {std::array{0, 3, 0}, std::array{0, 3, 2}, std::array{1, 3, 1}, std::array{2, 3, 3},
-                                std::array{0, 0, 0}, std::array{0, 0, 3}, std::array{1, 1, 0}, std::array{2, 1, 1},
-                                std::array{2, 2, 0}})
+  for (const auto& [p, k, i] :
+       {std::array{0, 3, 0}, std::array{0, 3, 2}, std::array{1, 3, 1}, std::array{2, 3, 3}, std::array{0, 0, 0},
+        std::array{0, 0, 3}, std::array{1, 1, 0}, std::array{2, 1, 1}, std::array{2, 2, 0}})
     CHECK(map.observe(p, k, i, cameras));
   const auto of = [&map](std::int32_t k) {
     std::vector<std::pair<int, int>> all;

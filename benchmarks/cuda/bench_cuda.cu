@@ -14,7 +14,7 @@
 
 namespace turbomap_bench {
 
-nlohmann::json run_cuda(const arguments& a, std::string& device) {
+nlohmann::json run_cuda(const turbomap::recording& recording, const arguments& a, std::string& device) {
   int devices = 0;
   if (cudaGetDeviceCount(&devices) != cudaSuccess || devices == 0)
     throw std::runtime_error("--policy cuda: there is no CUDA device");
@@ -23,7 +23,7 @@ nlohmann::json run_cuda(const arguments& a, std::string& device) {
   device = properties.name;
   cudaStream_t stream = nullptr;
   turbomap::check_cuda(cudaStreamCreate(&stream), "creation of a stream");
-  nlohmann::json stages = run(thrust::cuda::par_nosync.on(stream), a);
+  nlohmann::json stages = run(thrust::cuda::par_nosync.on(stream), recording, a);
   turbomap::check_cuda(cudaStreamDestroy(stream), "destruction of a stream");
   return stages;
 }

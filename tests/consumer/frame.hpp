@@ -64,6 +64,8 @@ struct turbomap::keyframe_traits<my::frame> {
     k.x = f.features[i].u, k.y = f.features[i].v;
     return k;
   }
-  static const std::uint8_t* descriptor_data(const my::frame& f, std::size_t i) { return f.features[i].descriptor.data(); }
+  static const std::uint8_t* descriptor_data(const my::frame& f, std::size_t i) {
+    return f.features[i].descriptor.data();
+  }
   static turbomap::image_bounds bounds(const my::frame&) { return {0, 0, 640, 480}; }
 };

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// A user with .cpp and .cu files in one program. This one knows types, options and plans, and drives a mapper on the host
-/// and one on a device; both must give the same plans. Ends with 77 where there is no device.
+/// A user with .cpp and .cu files in one program. This one knows types, options and plans, and drives a mapper on the
+/// host and one on a device; both must give the same plans. Ends with 77 where there is no device.
 
 #include "mixed.hpp"
 

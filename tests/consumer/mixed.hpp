@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// A mapper behind a wall: what it computes with is known to its own source file only, so that .cpp files drive a device
-/// without a CUDA header.
+/// A mapper behind a wall: what it computes with is known to its own source file only, so that .cpp files drive a
+/// device without a CUDA header.
 
 #include <memory>
 

@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// Descriptor distances on a device are those of the host to the bit, at every length, and binary ones at every alignment.
+/// Descriptor distances on a device are those of the host to the bit, at every length, and binary ones at every
+/// alignment.
 
 #include <turbomap/cuda/memory.cuh>
 #include <turbomap/descriptor/binary.hpp>
@@ -83,8 +84,9 @@ TEST_CASE_TEMPLATE("binary descriptors", D, binary_descriptor<8>, binary_descrip
 }
 TEST_CASE_TEMPLATE("real descriptors", D, real_descriptor<float, 1>, real_descriptor<float, 61>,
                    real_descriptor<float, 64>, real_descriptor<float, 128>, real_descriptor<float, 256>,
-                   real_descriptor<turbomap::half, 64>, real_descriptor<turbomap::half, 100>, real_descriptor<turbomap::half, 256>,
-                   real_descriptor<std::int8_t, 33>, real_descriptor<std::int8_t, 128>) {
+                   real_descriptor<turbomap::half, 64>, real_descriptor<turbomap::half, 100>,
+                   real_descriptor<turbomap::half, 256>, real_descriptor<std::int8_t, 33>,
+                   real_descriptor<std::int8_t, 128>) {
   check<D>();
   check<D>(1, 3);
 }

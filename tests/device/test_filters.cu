@@ -14,9 +14,7 @@ using namespace turbomap_test;
 using cuda = std::decay_t<decltype(thrust::cuda::par)>;
 
 TEST_CASE("pinhole matches") { check_all_filters<cuda>(pinhole_rig(50), crowded(10), permissive(), 5); }
-TEST_CASE("fisheye matches") {
-  check_all_filters<cuda>(fisheye_rig(), crowded(20), permissive(), 5);
-}
+TEST_CASE("fisheye matches") { check_all_filters<cuda>(fisheye_rig(), crowded(20), permissive(), 5); }
 TEST_CASE("distances of floats") {
   auto options = permissive();
   options.max_distance = 1.5;

@@ -184,8 +184,8 @@ TEST_CASE("recorded searches and points are reproduced exactly") {
     if (!directory) continue;
     const totals t = replay(*directory);
     CAPTURE(std::string(name));
-    MESSAGE(name << ": " << t.pairs << " grouped pairs, " << t.exhaustive << " exhaustive, " << t.created
-                 << " created, " << t.oracle_doubtful << " doubtful");
+    MESSAGE(std::string(name) << ": " << t.pairs << " grouped pairs, " << t.exhaustive << " exhaustive, " << t.created
+                              << " created, " << t.oracle_doubtful << " doubtful");
     CHECK(t.pairs > 100);
     CHECK(t.missing == 0);
     CHECK(t.extra == 0);

@@ -38,7 +38,7 @@ oracle_sight<Camera> oracle_look(const turbomap::posed_keyframe<Descriptor, Came
   s.ray = bearing_of(view, keypoint);
   s.scale = oracle_scale(scales, view.octave[keypoint]);
   s.sigma2 = oracle_sigma2(scales, view.octave[keypoint]);
-  Eigen::Matrix3d K;
+  Eigen::Matrix3d K = Eigen::Matrix3d::Zero();
   if (!pinhole_matrix(camera.camera, K)) return s;
   s.ray = K.inverse() * s.pixel.homogeneous();
   s.stereo = camera.bf > 0 && view.is_stereo(keypoint);

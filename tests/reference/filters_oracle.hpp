@@ -125,7 +125,9 @@ auto oracle_filter(filter_input<D, C>& in, const turbomap::one_to_one&) {
   }
   auto left = in.matches;
   left.erase(std::remove_if(left.begin(), left.end(),
-                            [&](const match& m) { return winner.at({m.neighbour, m.candidate}).query != m.query; }),
+                            [&](const match& m) {
+                              return winner.at({m.neighbour, m.candidate}).query != m.query;
+                            }),
              left.end());
   return left;
 }

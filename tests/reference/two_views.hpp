@@ -9,14 +9,12 @@
 #include <turbomap/matching/search_options.hpp>
 #include <turbomap/types.hpp>
 
-#include <Eigen/Core>
-#include <Eigen/Geometry>
-#include <Eigen/SVD>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <vector>
+
+#include "eigen.hpp"
 
 namespace turbomap_test {
 
@@ -93,12 +91,7 @@ Eigen::Vector3d bearing_of(const View& view, int keypoint) {
   return {view.bearing[keypoint].x, view.bearing[keypoint].y, view.bearing[keypoint].z};
 }
 
-// g++ 12 takes its own AVX-512 intrinsics for uninitialised when Eigen uses them.
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
-#endif
-
+TURBOMAP_TEST_EIGEN_BEGIN
 /// Hartley & Zisserman 12.2: each ray gives two rows, the point is the null vector. A ray that points forward is scaled to
 /// z = 1. False where the point has no finite position. `shaky`: the null vector is not well defined.
 inline bool oracle_triangulate(const oracle_pose& T_a, Eigen::Vector3d ray_a, const oracle_pose& T_b,
@@ -119,10 +112,7 @@ inline bool oracle_triangulate(const oracle_pose& T_a, Eigen::Vector3d ray_a, co
   point = h.head<3>() / h[3];
   return true;
 }
-
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic pop
-#endif
+TURBOMAP_TEST_EIGEN_END
 
 /// Group of every keypoint, from the lists by group.
 template <class View>

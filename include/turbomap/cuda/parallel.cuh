@@ -21,9 +21,13 @@ __global__ void __launch_bounds__(for_each_tuning::block_size) for_each_index_ke
 template <class Derived, class Function>
 void for_each_index(const thrust::cuda_cub::execution_policy<Derived>& policy, int n, Function f) {
   if (n <= 0) return;
-  constexpr int block = for_each_tuning::block_size;
-  for_each_index_kernel<<<(n + block - 1) / block, block, 0, stream_of(policy)>>>(n, f);
-  check_cuda(cudaGetLastError(), "launch of for_each_index");
+  constexpr unsigned block = for_each_tuning::block_size;
+  const auto kernel = for_each_index_kernel<Function>;
+  void* arguments[] = {&n, &f};
+  // Not <<<>>>: its error would have to be asked for, and somebody else's (an event that is not ready) might be the answer.
+  check_cuda(cudaLaunchKernel(reinterpret_cast<const void*>(kernel), dim3((static_cast<unsigned>(n) + block - 1) / block),
+                              dim3(block), arguments, 0, stream_of(policy)),
+             "launch of for_each_index");
 }
 
 template <class Derived>

@@ -6,6 +6,7 @@
 /// Map points from matches, decoupled from the search: it reads the result where the search left it, and gives a plan.
 
 #include <cstdint>
+#include <type_traits>
 #include <vector>
 
 #include "../array.hpp"
@@ -197,6 +198,9 @@ void create_points(context<Policy>& ctx, const correspondences<Descriptor, Camer
   const auto& search = matches.view();
   const int count = search.neighbour_count * search.slot_count;
   result.points_.resize_discard(static_cast<std::size_t>(count));
+  // The plan fetches all slots from a device in one copy: none may be left unwritten.
+  if constexpr (std::is_same_v<memory_of_t<Policy>, device_memory>)
+    fill_bytes(ctx.policy(), result.points_.data(), 0, static_cast<std::size_t>(count) * sizeof(created_point));
   for_each_index(ctx.policy(), count, create_point<Descriptor, Camera>{search, options, result.points_.data()});
 }
 

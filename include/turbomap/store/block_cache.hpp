@@ -38,6 +38,7 @@ class block_cache {
     entry& e = entries_[slot];
     e = entry{};
     e.block = requests_.front().block;
+    e.used = bytes;
     e.resident = true;
     e.pins = 1;
     return e.block.data;
@@ -50,7 +51,7 @@ class block_cache {
     ++mark_;
     for (const std::uint32_t slot : slots) {
       entry& e = entries_[slot];
-      if (!e.resident && e.mark != mark_) requests_.push_back({slot, e.block.bytes, {}});
+      if (!e.resident && e.mark != mark_) requests_.push_back({slot, e.used, {}});
       e.mark = mark_;
     }
     if (!requests_.empty()) {
@@ -89,6 +90,7 @@ class block_cache {
 
   struct entry {
     chunk_block block;
+    std::size_t used = 0;  // bytes of the block that the keyframe fills: the rest is never written, and never copied
     bool resident = false;
     std::uint32_t pins = 0;
     std::uint32_t previous = none, next = none;  // among the resident blocks without pins, least recently used first
@@ -134,7 +136,7 @@ class block_cache {
       }
       for (const victim& v : victims_) {
         const chunk_block& block = entries_[v.slot].block;  // given back, but nothing has been written to it yet
-        lane_.download(v.paged.data, block.data, block.bytes);
+        lane_.download(v.paged.data, block.data, entries_[v.slot].used);
       }
       lane_.wait();
     } catch (...) {
@@ -157,7 +159,7 @@ class block_cache {
 
   void page_in() {
     try {
-      for (const request& r : requests_) lane_.upload(r.block.data, entries_[r.slot].block.data, r.block.bytes);
+      for (const request& r : requests_) lane_.upload(r.block.data, entries_[r.slot].block.data, r.bytes);
       lane_.wait();
     } catch (...) {
       give_back_requests();
