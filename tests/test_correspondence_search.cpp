@@ -145,6 +145,19 @@ TEST_CASE("groups are missing in the query, in a neighbour, everywhere") {
   CHECK(t.differences == 0);
 }
 
+TEST_CASE("groups of one keypoint, and of all of them") {
+  tally t;
+  for (const int groups : {1, 2, 500}) {
+    scene_recipe recipe;
+    recipe.seed = 350, recipe.groups = groups, recipe.query_keypoints = 300, recipe.neighbour_keypoints = 280;
+    scene<orb, pinhole_camera> s(pinhole_rig(50), recipe);
+    check_all_searches(sequential{}, s, {}, t);
+    scene<orb, fisheye_camera> curved(fisheye_rig(), recipe);
+    check_all_searches(omp{}, curved, {}, t);
+  }
+  check_tally(t, 1000);
+}
+
 TEST_CASE("rigs with different numbers of cameras") {
   tally t;
   for (int query_cameras = 1; query_cameras <= 3; ++query_cameras) {

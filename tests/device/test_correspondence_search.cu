@@ -57,6 +57,14 @@ TEST_CASE("other descriptors and thresholds") {
   check_motions(pinhole_rig(), 100, 1000, options);
 }
 
+TEST_CASE("groups of one keypoint, and of all of them") {
+  for (const int groups : {1, 2, 500}) {
+    scene_recipe recipe;
+    recipe.groups = groups, recipe.query_keypoints = 300, recipe.neighbour_keypoints = 280;
+    check_motions(pinhole_rig(50), 350, 1000, {}, recipe);
+  }
+}
+
 TEST_CASE("nothing to do, and very little") {
   const stream on;
   tally t;

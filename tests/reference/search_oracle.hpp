@@ -15,7 +15,7 @@ struct oracle_pair {
   oracle_pose T_ba;
   bool straight = false;  ///< both images are rectilinear
   Eigen::Matrix3d F;      ///< straight: pixel of a -> line in b
-  bool guard = false;     ///< the epipole is in front of b, and both rigs have one camera only
+  bool guard = false;     ///< both rigs have one camera only
   Eigen::Vector2d epipole;
   bool no_baseline = false;  ///< too short for its direction to be more than rounding
 };
@@ -34,7 +34,7 @@ oracle_pair make_oracle_pair(const turbomap::posed_keyframe<Descriptor, Camera>&
   if (!pair.straight) return pair;
   cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
   pair.F = K_b.inverse().transpose() * cross * pair.T_ba.R * K_a.inverse();
-  pair.guard = a.view.camera_count == 1 && b.view.camera_count == 1 && t.z() > 0;
+  pair.guard = a.view.camera_count == 1 && b.view.camera_count == 1 && t.z() != 0;
   if (pair.guard) pair.epipole = (K_b * t).hnormalized();
   return pair;
 }

@@ -41,12 +41,21 @@ template <class Camera>
 TURBOMAP_HD pair_geometry make_pair_geometry(const rig_camera<Camera>& a, const rigid_transform<double>& T_aw,
                                              const rig_camera<Camera>& b, const rigid_transform<double>& T_bw, bool guard) {
   pair_geometry g{};
-  g.T_ba = camera_pose(b, T_bw) * inverse(camera_pose(a, T_aw));
+  const isometry<decision> T_a = camera_pose(a, T_aw), T_b = camera_pose(b, T_bw);
+  g.T_ba = T_b * inverse(T_a);
   g.straight = as_pinhole(a.camera, g.K_a) && as_pinhole(b.camera, g.K_b);
-  g.guard_epipole = guard && g.straight && b.camera.project(g.T_ba.t, g.epipole);
 
-  const vec3<decision>& t = g.T_ba.t;
-  const decision length = norm(t);
+  vec3<decision>& t = g.T_ba.t;
+  decision length = norm(t);
+  // What is left of equal centres is rounding, whose direction means nothing.
+  if (length <= decision(1e-12) * (norm(T_a.t) + norm(T_b.t))) {
+    t = {decision(0), decision(0), decision(0)};
+    length = decision(0);
+  }
+  // Behind the camera, too: the image of the line through both centres is the same point.
+  g.guard_epipole = guard && g.straight && t.z != decision(0);
+  if (g.guard_epipole)
+    g.epipole = {decision(g.K_b.fx) * (t.x / t.z) + decision(g.K_b.cx), decision(g.K_b.fy) * (t.y / t.z) + decision(g.K_b.cy)};
   if (length > decision(0)) {
     const vec3<decision> e = (decision(1) / length) * t;
     // Any vector not parallel to e completes the frame; the axis in which e is smallest is the safest.

@@ -13,6 +13,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
+#include "../math/functions.hpp"
 #include "correspondences.hpp"
 #include "creation_plan.hpp"
 
@@ -189,12 +190,18 @@ class point_creation {
 template <class Descriptor, class Camera, class Policy>
 void create_points(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches,
                    const creation_options& options, point_creation<Policy>& result) {
-  require(options.mono_chi2 > 0, "options.mono_chi2", options.mono_chi2, "must be positive");
-  require(options.stereo_chi2 > 0, "options.stereo_chi2", options.stereo_chi2, "must be positive");
-  require(options.scales.scale_factor >= 1, "options.scales.scale_factor", options.scales.scale_factor, "must be at least 1");
-  require(options.scale_tolerance >= 1, "options.scale_tolerance", options.scale_tolerance, "must be at least 1");
+  const auto finite = [](double value) { return detail::is_finite(value); };
+  require(options.mono_chi2 > 0 && finite(options.mono_chi2), "options.mono_chi2", options.mono_chi2,
+          "must be finite and positive");
+  require(options.stereo_chi2 > 0 && finite(options.stereo_chi2), "options.stereo_chi2", options.stereo_chi2,
+          "must be finite and positive");
+  require(options.scales.scale_factor >= 1 && finite(options.scales.scale_factor), "options.scales.scale_factor",
+          options.scales.scale_factor, "must be finite and at least 1");
+  require(options.scale_tolerance >= 1 && finite(options.scale_tolerance), "options.scale_tolerance",
+          options.scale_tolerance, "must be finite and at least 1");
   require(options.max_parallax_cosine <= 1, "options.max_parallax_cosine", options.max_parallax_cosine, "must be a cosine");
-  require(options.max_distance >= 0, "options.max_distance", options.max_distance, "must not be negative");
+  require(options.max_distance >= 0 && finite(options.max_distance), "options.max_distance", options.max_distance,
+          "must be finite and not negative");
   const auto& search = matches.view();
   const int count = search.neighbour_count * search.slot_count;
   result.points_.resize_discard(static_cast<std::size_t>(count));

@@ -150,8 +150,8 @@ class search_setup {
             o.max_distance, "must be a distance of the descriptor");
     require(o.scales.levels >= 1 && o.scales.levels <= 256, "options.scales.levels", o.scales.levels,
             "must be in [1, 256]: octaves are bytes");
-    require(o.scales.scale_factor > 1 && detail::is_finite(o.scales.scale_factor), "options.scales.scale_factor",
-            o.scales.scale_factor, "must be finite and above 1");
+    require(o.scales.scale_factor >= 1 && detail::is_finite(o.scales.scale_factor), "options.scales.scale_factor",
+            o.scales.scale_factor, "must be finite and at least 1");
     require(o.line_chi2 > 0 && detail::is_finite(o.line_chi2), "options.line_chi2", o.line_chi2, "must be finite and positive");
     require(o.reprojection_chi2 > 0 && detail::is_finite(o.reprojection_chi2), "options.reprojection_chi2", o.reprojection_chi2,
             "must be finite and positive");
