@@ -71,8 +71,8 @@ int main(int argc, char** argv) try {
   result["stages"] = run(a, machine);
   result["machine"] = machine;
   result["policy"] = a.policy;
-  std::printf("%s, policy %s, medians of %d\n%-18s %12s %12s %8s %12s\n", machine.c_str(), a.policy.c_str(), a.repetitions,
-              "stage (ms)", "ours", "oracle", "ratio", "floor");
+  std::printf("%s, policy %s, medians of %d\n%-18s %12s %12s %8s %12s\n", machine.c_str(), a.policy.c_str(),
+              a.repetitions, "stage (ms)", "ours", "oracle", "ratio", "floor");
   for (const auto& [name, s] : result["stages"].items())
     std::printf("%-18s %12.4f %12.4f %7.1fx %12.4f\n", name.c_str(), s["ms_median"].get<double>(),
                 s["oracle_ms_median"].get<double>(), s["ratio"].get<double>(), s.value("floor_ms", 0.0));

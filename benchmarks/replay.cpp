@@ -62,7 +62,8 @@ void choose_stages(const std::string& list, arguments& a) {
 int main(int argc, char** argv) try {
   arguments a;
   std::string stages;
-  CLI::App app("Replays a recording of local mapping through the stages of TurboMap, or checks every stage against it.");
+  CLI::App app(
+      "Replays a recording of local mapping through the stages of TurboMap, or checks every stage against it.");
   app.add_option("recording", a.recording, "folder of the recording; the built-in simulated one when not given");
   app.add_option("--policy", a.policy, "execution policy")->check(CLI::IsMember({"seq", "omp", "tbb", "cuda"}));
   app.add_flag("--check", a.check, "compare every stage with the recorded snapshots; exit status 1 when one differs");

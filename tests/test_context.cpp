@@ -135,13 +135,6 @@ TEST_CASE("a context moves") {
   static_assert(!std::is_copy_constructible_v<turbomap::context<sequential>>);
 }
 
-TEST_CASE("a bare policy gives a context of its own, a context is used itself") {
-  turbomap::context<sequential> ctx{};
-  CHECK(&turbomap::as_context(ctx) == &ctx);
-  auto&& temporary = turbomap::as_context(thrust::seq);
-  static_assert(std::is_same_v<std::decay_t<decltype(temporary)>, turbomap::context<sequential>>);
-}
-
 TEST_CASE("spans") {
   std::vector<int> v{1, 2, 3, 4};
   const turbomap::span<int> s(v);

@@ -80,6 +80,17 @@ TEST_CASE("any relative pose") {
   check_tally(t, 1000);
 }
 
+TEST_CASE_TEMPLATE("a bare policy works too", Policy, sequential, omp, tbb_policy) {
+  scene_recipe recipe;
+  recipe.seed = 190;
+  scene<orb, pinhole_camera> s(pinhole_rig(50), recipe);
+  const auto neighbours = s.neighbours();
+  const turbomap::span<const turbomap::posed_keyframe<orb, pinhole_camera>> all(neighbours);
+  const auto plan = turbomap::search_correspondences(Policy{}, s.query(), all);
+  CHECK(!plan.empty());
+  CHECK(same(plan, search_under(sequential{}, s, {})));
+}
+
 TEST_CASE("no baseline, no match between straight images") {
   scene_recipe recipe;
   recipe.how = motion::turn_at_origin;

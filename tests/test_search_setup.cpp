@@ -249,10 +249,4 @@ TEST_CASE("contexts on several threads share the keyframes and nothing else") {
   CHECK(wrong == 0);
 }
 
-TEST_CASE("a bare policy is turned into a context of its own") {
-  static_assert(std::is_same_v<turbomap::policy_of_t<turbomap::context<omp>&>, omp>);
-  static_assert(std::is_same_v<turbomap::policy_of_t<const omp&>, omp>);
-  static_assert(std::is_same_v<turbomap::execution_memory_t<tbb_policy>, turbomap::host_memory>);
-}
-
 }  // namespace

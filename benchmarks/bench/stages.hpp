@@ -44,8 +44,8 @@ inline double median(std::vector<double> samples) {
 }
 
 /// A B A B ...: the clock of a shared machine drifts, ratios of neighbours do not.
-inline nlohmann::json interleave(int repetitions, const std::function<void()>& ours, const std::function<void()>& oracle,
-                                 double floor_ms) {
+inline nlohmann::json interleave(int repetitions, const std::function<void()>& ours,
+                                 const std::function<void()>& oracle, double floor_ms) {
   std::vector<double> a, b;
   ours();
   oracle();
@@ -57,7 +57,10 @@ inline nlohmann::json interleave(int repetitions, const std::function<void()>& o
     a.push_back(middle - begin);
     b.push_back(now_ms() - middle);
   }
-  return {{"ms_median", median(a)}, {"oracle_ms_median", median(b)}, {"ratio", median(b) / median(a)}, {"floor_ms", floor_ms}};
+  return {{"ms_median", median(a)},
+          {"oracle_ms_median", median(b)},
+          {"ratio", median(b) / median(a)},
+          {"floor_ms", floor_ms}};
 }
 
 /// Milliseconds that one core needs for `pairs` Hamming distances of 256 bits and nothing else, read as a stream.
@@ -80,8 +83,8 @@ inline double distance_floor_ms(const turbomap::keyframe_view<orb, fisheye>& vie
 }
 
 /// Pairs of unmapped keypoints in equal words, and pairs that pass the epipolar test: what has to be compared at least.
-inline void count_pairs(const posed& query, turbomap::span<const posed> neighbours, const turbomap::search_options& options,
-                        double& in_words, double& consistent) {
+inline void count_pairs(const posed& query, turbomap::span<const posed> neighbours,
+                        const turbomap::search_options& options, double& in_words, double& consistent) {
   float scale[256], sigma2[256];
   for (int o = 0; o < 256; ++o) {
     scale[o] = o == 0 ? 1 : scale[o - 1] * options.scales.scale_factor;
@@ -101,7 +104,8 @@ inline void count_pairs(const posed& query, turbomap::span<const posed> neighbou
           consistent +=
               turbomap::epipolar_consistent(pair, epipolar, query.view, i, n.view, j, sigma2, scale, options) ? 1 : 0;
           const auto group = groups[static_cast<std::size_t>(j)];
-          in_words += group != turbomap::keypoint::no_group && query_groups[static_cast<std::size_t>(i)] == group ? 1 : 0;
+          in_words +=
+              group != turbomap::keypoint::no_group && query_groups[static_cast<std::size_t>(i)] == group ? 1 : 0;
         }
       }
     }
@@ -140,7 +144,8 @@ nlohmann::json run_stages(const Policy& policy, const turbomap::recording& recor
     plain.push_back({host_pinned[k], T_cw[k], masks[k]});
   }
   const posed query = resident.back(), plain_query = plain.back();
-  const turbomap::span<const posed> neighbours(resident.data(), neighbour_count), plain_neighbours(plain.data(), neighbour_count);
+  const turbomap::span<const posed> neighbours(resident.data(), neighbour_count),
+      plain_neighbours(plain.data(), neighbour_count);
 
   turbomap::correspondences<orb, fisheye, Policy> matches(ctx);
   typename turbomap::correspondences<orb, fisheye, Policy>::plan_type plan;
@@ -187,7 +192,8 @@ nlohmann::json run_stages(const Policy& policy, const turbomap::recording& recor
   std::vector<turbomap::created_point> points;
   turbomap::creation_options options;
   options.scales = recording.meta.pyramid();
-  const auto oracle_matches = turbomap_test::search_oracle(plain_query, plain_neighbours, search(turbomap::candidates::exhaustive));
+  const auto oracle_matches =
+      turbomap_test::search_oracle(plain_query, plain_neighbours, search(turbomap::candidates::exhaustive));
   stages["creation"] = interleave(
       repetitions,
       [&] {

@@ -16,9 +16,9 @@ struct arguments {
   std::filesystem::path recording;
   std::string policy = "seq";
   bool check = false;
-  bool search = true, creation = true;      ///< stages that are switched on
-  std::string candidates = "ordered";       ///< exhaustive, ordered or grouped (replay mode)
-  std::filesystem::path json, trajectory;   ///< outputs; empty: none
+  bool search = true, creation = true;     ///< stages that are switched on
+  std::string candidates = "ordered";      ///< exhaustive, ordered or grouped (replay mode)
+  std::filesystem::path json, trajectory;  ///< outputs; empty: none
   int repeat = 1;
 };
 

@@ -85,7 +85,8 @@ class checker {
     return o;
   }
   plan search(const posed& query, const std::vector<posed>& neighbours, turbomap::candidates set) {
-    turbomap::search_correspondences(ctx_, query, turbomap::span<const posed>(neighbours), parity_options(set), matches_);
+    turbomap::search_correspondences(ctx_, query, turbomap::span<const posed>(neighbours), parity_options(set),
+                                     matches_);
     return matches_.plan(ctx_);
   }
 

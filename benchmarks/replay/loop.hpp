@@ -24,7 +24,8 @@ namespace turbomap_replay {
 
 /// What a replay leaves behind.
 struct replay_result {
-  stage_samples process{"process", -1, {}}, search{"search", -1, {}}, creation{"creation", -1, {}}, total{"total", -1, {}};
+  stage_samples process{"process", -1, {}}, search{"search", -1, {}}, creation{"creation", -1, {}},
+      total{"total", -1, {}};
   std::vector<turbomap::rigid_transform<double>> T_cw;
   std::size_t map_points = 0, matches = 0, correct_matches = 0;
   std::size_t pairs = 0, grouped_queries_lost = 0;  ///< of --check
@@ -214,22 +215,23 @@ class replayer {
       search(set);
       return matches_.plan(ctx_);
     };
-    const plan exhaustive = again(turbomap::candidates::exhaustive), ordered = again(turbomap::candidates::epipolar_ordered),
-               grouped = again(turbomap::candidates::grouped);
+    const plan exhaustive = again(turbomap::candidates::exhaustive),
+               ordered = again(turbomap::candidates::epipolar_ordered), grouped = again(turbomap::candidates::grouped);
     result_.pairs += exhaustive.size();
     result_.grouped_pairs += grouped.size();
     result_.grouped_correct += count_correct(i, grouped);
     result_.ordered_equals_exhaustive =
         result_.ordered_equals_exhaustive && exhaustive.size() == ordered.size() &&
         std::equal(ordered.begin(), ordered.end(), exhaustive.begin(), [](const auto& a, const auto& b) {
-          return a.neighbour == b.neighbour && a.query == b.query && a.candidate == b.candidate && a.distance == b.distance;
+          return a.neighbour == b.neighbour && a.query == b.query && a.candidate == b.candidate &&
+                 a.distance == b.distance;
         });
     for (const auto& g : grouped) {
       const auto at = std::lower_bound(exhaustive.begin(), exhaustive.end(), g, [](const auto& a, const auto& b) {
         return a.neighbour != b.neighbour ? a.neighbour < b.neighbour : a.query < b.query;
       });
-      const bool kept = at != exhaustive.end() && at->neighbour == g.neighbour && at->query == g.query &&
-                        at->distance <= g.distance;
+      const bool kept =
+          at != exhaustive.end() && at->neighbour == g.neighbour && at->query == g.query && at->distance <= g.distance;
       result_.grouped_queries_lost += kept ? 0 : 1;
     }
   }

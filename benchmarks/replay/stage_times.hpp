@@ -48,7 +48,8 @@ struct stage_samples {
 };
 
 inline void print_table(const std::vector<stage_samples>& stages) {
-  std::printf("%-12s %10s %10s %10s %10s %10s %8s\n", "stage (ms)", "mean", "median", "p95", "max", "peer mean", "ratio");
+  std::printf("%-12s %10s %10s %10s %10s %10s %8s\n", "stage (ms)", "mean", "median", "p95", "max", "peer mean",
+              "ratio");
   for (const stage_samples& s : stages) {
     std::printf("%-12s %10.3f %10.3f %10.3f %10.3f", s.name.c_str(), s.mean(), s.quantile(0.5), s.quantile(0.95),
                 s.quantile(1));

@@ -110,7 +110,8 @@ class true_matches {
           const std::size_t r = row(k, i);
           if (camera(k, i) != static_cast<int>(c)) continue;
           const double tolerance = deviations * sigma(r);
-          if (std::abs(recording_.kp_xy[r].x - p.x) <= tolerance && std::abs(recording_.kp_xy[r].y - p.y) <= tolerance &&
+          if (std::abs(recording_.kp_xy[r].x - p.x) <= tolerance &&
+              std::abs(recording_.kp_xy[r].y - p.y) <= tolerance &&
               orb::distance(descriptor.data(), recording_.kp_desc[r].data()) <= similar)
             return true;
         }

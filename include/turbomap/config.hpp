@@ -18,7 +18,8 @@
 #endif
 
 #if !TURBOMAP_HAS_CUDA && !defined(THRUST_DEVICE_SYSTEM)
-#error "turbomap: THRUST_DEVICE_SYSTEM is not defined, and without it Thrust assumes CUDA. Link the CMake target \
+#error \
+    "turbomap: THRUST_DEVICE_SYSTEM is not defined, and without it Thrust assumes CUDA. Link the CMake target \
 turbomap::turbomap, or compile with -DTHRUST_DEVICE_SYSTEM=THRUST_DEVICE_SYSTEM_CPP (or _OMP, _TBB)."
 #endif
 

@@ -155,34 +155,4 @@ struct is_context : std::false_type {};
 template <class Policy>
 struct is_context<context<Policy>> : std::true_type {};
 
-/// \name A bare policy works too
-/// Algorithms take `Execution&& execution` and compute with `as_context(execution)`: the context itself, or a temporary one
-/// around the policy.
-/// @{
-template <class Policy>
-context<Policy>& as_context(context<Policy>& ctx) {
-  return ctx;
-}
-template <class Policy, class = std::enable_if_t<!is_context<Policy>::value>>
-context<Policy> as_context(const Policy& policy) {
-  return context<Policy>(policy);
-}
-/// @}
-
-/// The policy type behind a context or a bare policy.
-template <class Execution>
-struct policy_of {
-  using type = std::decay_t<Execution>;
-};
-template <class Policy>
-struct policy_of<context<Policy>> {
-  using type = Policy;
-};
-template <class Execution>
-using policy_of_t = typename policy_of<std::decay_t<Execution>>::type;
-
-/// Host or device memory behind a context or a bare policy.
-template <class Execution>
-using execution_memory_t = memory_of_t<policy_of_t<Execution>>;
-
 TURBOMAP_END_NAMESPACE

@@ -22,7 +22,8 @@ struct device_error : std::runtime_error {
 class out_of_memory : public std::bad_alloc {
  public:
   out_of_memory(const char* where, std::size_t bytes)
-      : what_(std::string("turbomap: out of ") + where + " memory: " + std::to_string(bytes) + " bytes were asked for") {}
+      : what_(std::string("turbomap: out of ") + where + " memory: " + std::to_string(bytes) +
+              " bytes were asked for") {}
   const char* what() const noexcept override { return what_.c_str(); }
 
  private:

@@ -25,8 +25,8 @@ TURBOMAP_BEGIN_NAMESPACE
 /// device it must hold plain views only. Returns when the work is done (host) or enqueued (CUDA).
 template <class Derived, class Function>
 void for_each_index(const thrust::execution_policy<Derived>& policy, int n, Function f) {
-  thrust::for_each_n(thrust::detail::derived_cast(thrust::detail::strip_const(policy)), thrust::counting_iterator<int>(0),
-                     n, f);
+  thrust::for_each_n(thrust::detail::derived_cast(thrust::detail::strip_const(policy)),
+                     thrust::counting_iterator<int>(0), n, f);
 }
 
 /// Copies bytes from the host into the policy's memory. On CUDA: enqueued; the source must be pinned and stay unchanged

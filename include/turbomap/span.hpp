@@ -22,11 +22,11 @@ class span {
   constexpr span() = default;
   TURBOMAP_HD constexpr span(T* data, std::size_t size) : data_(data), size_(size) {}
   /// From any container with data() and size(); a span of const may be made of one of non-const.
-  template <class Container, class = std::enable_if_t<std::is_convertible_v<
-                                 decltype(std::declval<Container&>().data()), T*>>>
+  template <class Container,
+            class = std::enable_if_t<std::is_convertible_v<decltype(std::declval<Container&>().data()), T*>>>
   constexpr span(Container& container) : data_(container.data()), size_(container.size()) {}
-  template <class Container, class = std::enable_if_t<std::is_convertible_v<
-                                 decltype(std::declval<const Container&>().data()), T*>>>
+  template <class Container,
+            class = std::enable_if_t<std::is_convertible_v<decltype(std::declval<const Container&>().data()), T*>>>
   constexpr span(const Container& container) : data_(container.data()), size_(container.size()) {}
 
   TURBOMAP_HD constexpr T* data() const { return data_; }

@@ -52,13 +52,13 @@ struct rigid_transform {
 
 /// One keypoint as tracking hands it over.
 struct keypoint {
-  float x = 0, y = 0;        ///< pixel: undistorted (pinhole) or raw (any other camera model)
-  float angle = 0;           ///< orientation in degrees, [0, 360)
-  float u_right = -1;        ///< column in the rectified right image, px; < 0: none
-  float depth = -1;          ///< m; < 0: unknown
+  float x = 0, y = 0;              ///< pixel: undistorted (pinhole) or raw (any other camera model)
+  float angle = 0;                 ///< orientation in degrees, [0, 360)
+  float u_right = -1;              ///< column in the rectified right image, px; < 0: none
+  float depth = -1;                ///< m; < 0: unknown
   std::uint32_t group = no_group;  ///< visual word group; keypoints of one group are compared in grouped search
-  std::uint8_t octave = 0;   ///< pyramid level, 0 = finest
-  std::uint8_t camera = 0;   ///< which camera of the rig saw it
+  std::uint8_t octave = 0;         ///< pyramid level, 0 = finest
+  std::uint8_t camera = 0;         ///< which camera of the rig saw it
 
   static constexpr std::uint32_t no_group = 0xFFFFFFFFu;
 };

@@ -25,16 +25,18 @@ void for_each_index(const thrust::cuda_cub::execution_policy<Derived>& policy, i
   const auto kernel = for_each_index_kernel<Function>;
   void* arguments[] = {&n, &f};
   // Not <<<>>>: its error would have to be asked for, and somebody else's (an event that is not ready) might be the answer.
-  check_cuda(cudaLaunchKernel(reinterpret_cast<const void*>(kernel), dim3((static_cast<unsigned>(n) + block - 1) / block),
-                              dim3(block), arguments, 0, stream_of(policy)),
-             "launch of for_each_index");
+  check_cuda(
+      cudaLaunchKernel(reinterpret_cast<const void*>(kernel), dim3((static_cast<unsigned>(n) + block - 1) / block),
+                       dim3(block), arguments, 0, stream_of(policy)),
+      "launch of for_each_index");
 }
 
 template <class Derived>
 void copy_in(const thrust::cuda_cub::execution_policy<Derived>& policy, void* destination, const void* source,
              std::size_t bytes) {
   if (bytes == 0) return;
-  check_cuda(cudaMemcpyAsync(destination, source, bytes, cudaMemcpyHostToDevice, stream_of(policy)), "copy to the device");
+  check_cuda(cudaMemcpyAsync(destination, source, bytes, cudaMemcpyHostToDevice, stream_of(policy)),
+             "copy to the device");
 }
 
 template <class Derived>

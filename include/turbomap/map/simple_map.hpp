@@ -54,7 +54,8 @@ class simple_map {
   template <class SameCamera>
   bool observe(std::int32_t point, std::int32_t keyframe, std::int32_t keypoint, SameCamera same_camera) {
     check_keypoint(keyframe, keypoint);
-    require(point >= 0 && static_cast<std::size_t>(point) < positions_.size(), "point", point, "is not a point of the map");
+    require(point >= 0 && static_cast<std::size_t>(point) < positions_.size(), "point", point,
+            "is not a point of the map");
     std::int32_t& slot = slots_[static_cast<std::size_t>(keyframe)][static_cast<std::size_t>(keypoint)];
     if (slot != none) return false;
     auto& seen = observations_[static_cast<std::size_t>(point)];
@@ -76,13 +77,17 @@ class simple_map {
 
   std::size_t keyframe_count() const { return slots_.size(); }
   std::size_t point_count() const { return positions_.size(); }
-  const rigid_transform<double>& T_cw(std::int32_t keyframe) const { return T_cw_.at(static_cast<std::size_t>(keyframe)); }
+  const rigid_transform<double>& T_cw(std::int32_t keyframe) const {
+    return T_cw_.at(static_cast<std::size_t>(keyframe));
+  }
   const vec3<double>& position(std::int32_t point) const { return positions_.at(static_cast<std::size_t>(point)); }
   const std::vector<observation>& observations(std::int32_t point) const {
     return observations_.at(static_cast<std::size_t>(point));
   }
   /// One entry a keypoint: its point or none.
-  const std::vector<std::int32_t>& slots(std::int32_t keyframe) const { return slots_.at(static_cast<std::size_t>(keyframe)); }
+  const std::vector<std::int32_t>& slots(std::int32_t keyframe) const {
+    return slots_.at(static_cast<std::size_t>(keyframe));
+  }
 
   /// Marks the keypoints of a keyframe that see a point: the mask a correspondence search takes.
   void has_point(std::int32_t keyframe, std::vector<std::uint8_t>& mask) const {

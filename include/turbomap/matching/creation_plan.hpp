@@ -15,16 +15,16 @@ namespace turbomap {
 /// Why a match did or did not become a map point candidate, in the order of the tests.
 enum class creation_outcome : std::uint8_t {
   accepted = 0,
-  low_parallax = 1,             ///< rays too close to parallel, and no stereo depth to fall back on
-  at_infinity = 2,              ///< the triangulated point has no finite position
-  no_depth = 3,                 ///< the stereo keypoint has no positive depth
-  behind_query = 4,             ///< not in front of the query camera
-  behind_neighbour = 5,         ///< not in front of the neighbour camera
-  reprojection_query = 6,       ///< reprojection error in the query above the gate
-  reprojection_neighbour = 7,   ///< reprojection error in the neighbour above the gate
-  zero_distance = 8,            ///< the point coincides with a camera centre
-  too_far = 9,                  ///< farther than options.max_distance
-  scale = 10                    ///< the ratio of distances contradicts the ratio of octaves
+  low_parallax = 1,            ///< rays too close to parallel, and no stereo depth to fall back on
+  at_infinity = 2,             ///< the triangulated point has no finite position
+  no_depth = 3,                ///< the stereo keypoint has no positive depth
+  behind_query = 4,            ///< not in front of the query camera
+  behind_neighbour = 5,        ///< not in front of the neighbour camera
+  reprojection_query = 6,      ///< reprojection error in the query above the gate
+  reprojection_neighbour = 7,  ///< reprojection error in the neighbour above the gate
+  zero_distance = 8,           ///< the point coincides with a camera centre
+  too_far = 9,                 ///< farther than options.max_distance
+  scale = 10                   ///< the ratio of distances contradicts the ratio of octaves
 };
 
 /// Where the position of a point came from.

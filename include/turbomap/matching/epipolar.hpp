@@ -21,12 +21,12 @@ using decision = strict<double>;
 
 /// Camera a of the query keyframe against camera b of a neighbour.
 struct pair_geometry {
-  isometry<decision> T_ba;   ///< camera a to camera b
-  pinhole<double> K_a, K_b;  ///< valid where `straight`
-  bool straight;             ///< both images are rectilinear: epipolar curves are lines in pixels
-  bool guard_epipole;        ///< candidates near the epipole are refused (both keypoints without u_right)
-  vec2<decision> epipole;    ///< of a in b, px; valid where guard_epipole
-  vec3<float> baseline;      ///< unit vector from the centre of b to that of a, in b; 0 where there is none
+  isometry<decision> T_ba;       ///< camera a to camera b
+  pinhole<double> K_a, K_b;      ///< valid where `straight`
+  bool straight;                 ///< both images are rectilinear: epipolar curves are lines in pixels
+  bool guard_epipole;            ///< candidates near the epipole are refused (both keypoints without u_right)
+  vec2<decision> epipole;        ///< of a in b, px; valid where guard_epipole
+  vec3<float> baseline;          ///< unit vector from the centre of b to that of a, in b; 0 where there is none
   vec3<float> plane_x, plane_y;  ///< with `baseline` an orthonormal frame: angles of epipolar planes are measured in it
 };
 
@@ -39,7 +39,8 @@ TURBOMAP_HD isometry<decision> camera_pose(const rig_camera<Camera>& camera, con
 /// \param guard  apply the epipole guard where the pair allows it
 template <class Camera>
 TURBOMAP_HD pair_geometry make_pair_geometry(const rig_camera<Camera>& a, const rigid_transform<double>& T_aw,
-                                             const rig_camera<Camera>& b, const rigid_transform<double>& T_bw, bool guard) {
+                                             const rig_camera<Camera>& b, const rigid_transform<double>& T_bw,
+                                             bool guard) {
   pair_geometry g{};
   const isometry<decision> T_a = camera_pose(a, T_aw), T_b = camera_pose(b, T_bw);
   g.T_ba = T_b * inverse(T_a);
@@ -55,7 +56,8 @@ TURBOMAP_HD pair_geometry make_pair_geometry(const rig_camera<Camera>& a, const 
   // Behind the camera, too: the image of the line through both centres is the same point.
   g.guard_epipole = guard && g.straight && t.z != decision(0);
   if (g.guard_epipole)
-    g.epipole = {decision(g.K_b.fx) * (t.x / t.z) + decision(g.K_b.cx), decision(g.K_b.fy) * (t.y / t.z) + decision(g.K_b.cy)};
+    g.epipole = {decision(g.K_b.fx) * (t.x / t.z) + decision(g.K_b.cx),
+                 decision(g.K_b.fy) * (t.y / t.z) + decision(g.K_b.cy)};
   if (length > decision(0)) {
     const vec3<decision> e = (decision(1) / length) * t;
     // Any vector not parallel to e completes the frame; the axis in which e is smallest is the safest.
@@ -89,8 +91,8 @@ TURBOMAP_HD query_epipolar make_query_epipolar(const pair_geometry& g, const key
     return q;
   }
   const vec2<decision> uv = cast<decision>(query.pixel[keypoint]);
-  const vec3<decision> x{(uv.x - decision(g.K_a.cx)) / decision(g.K_a.fx), (uv.y - decision(g.K_a.cy)) / decision(g.K_a.fy),
-                         decision(1)};
+  const vec3<decision> x{(uv.x - decision(g.K_a.cx)) / decision(g.K_a.fx),
+                         (uv.y - decision(g.K_a.cy)) / decision(g.K_a.fy), decision(1)};
   const vec3<decision> n = cross(g.T_ba.t, g.T_ba.R * x);  // normal of the epipolar plane, in b
   q.line_a = n.x / decision(g.K_b.fx);
   q.line_b = n.y / decision(g.K_b.fy);
@@ -101,8 +103,8 @@ TURBOMAP_HD query_epipolar make_query_epipolar(const pair_geometry& g, const key
 
 /// Squared pixel distance between a keypoint and the projection of a point; false where it does not project.
 template <class Camera>
-TURBOMAP_HD bool squared_reprojection_error(const Camera& camera, const vec3<decision>& point, const vec2<decision>& pixel,
-                                            decision& error) {
+TURBOMAP_HD bool squared_reprojection_error(const Camera& camera, const vec3<decision>& point,
+                                            const vec2<decision>& pixel, decision& error) {
   vec2<decision> projected;
   if (!camera.project(point, projected)) return false;
   const decision du = projected.x - pixel.x, dv = projected.y - pixel.y;
@@ -145,7 +147,8 @@ TURBOMAP_HD bool epipolar_consistent(const pair_geometry& g, const query_epipola
   if (!(X_b.z > decision(0))) return false;
   const decision chi2(options.reprojection_chi2);
   decision error;
-  if (!squared_reprojection_error(a.cameras[a.camera_of(keypoint_a)].camera, X, cast<decision>(a.pixel[keypoint_a]), error) ||
+  if (!squared_reprojection_error(a.cameras[a.camera_of(keypoint_a)].camera, X, cast<decision>(a.pixel[keypoint_a]),
+                                  error) ||
       !(error <= chi2 * decision(sigma2[a.octave[keypoint_a]])))
     return false;
   return squared_reprojection_error(b.cameras[b.camera_of(keypoint_b)].camera, X_b, uv_b, error) &&

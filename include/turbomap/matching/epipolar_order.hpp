@@ -23,11 +23,11 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Shape of the classes and buckets: a compromise between comparing too much and reading too many windows, measured; no
 /// influence on results.
 struct epipolar_order_layout {
-  static constexpr int class_count = 2;        ///< each class is 4 times as wide as the one before; candidates wider than the
-                                               ///< last are compared with every query
-  static constexpr float typical = 2;          ///< class 0 is this times the mean half-width of the table's candidates
-  static constexpr float widest = 1.0F / 3;    ///< but not wider, rad
-  static constexpr float slack = 3e-4F;        ///< rad, added to every half-width
+  static constexpr int class_count = 2;  ///< each class is 4 times as wide as the one before; candidates wider than the
+                                         ///< last are compared with every query
+  static constexpr float typical = 2;    ///< class 0 is this times the mean half-width of the table's candidates
+  static constexpr float widest = 1.0F / 3;  ///< but not wider, rad
+  static constexpr float slack = 3e-4F;      ///< rad, added to every half-width
   static constexpr float pi = 3.14159265F;
 
   static constexpr int bucket_count(int k) { return 1024 >> (2 * k); }  ///< over the full circle
@@ -41,7 +41,9 @@ inline float plane_angle(float y, float x) {
   const float ax = std::fabs(x), ay = std::fabs(y);
   const float big = ax > ay ? ax : ay, small = ax > ay ? ay : ax;
   const float t = big > 0 ? small / big : 0.0F, t2 = t * t;
-  float angle = t * (0.99997726F + t2 * (-0.33262347F + t2 * (0.19354346F + t2 * (-0.11643287F + t2 * (0.05265332F - t2 * 0.01172120F)))));
+  float angle =
+      t * (0.99997726F +
+           t2 * (-0.33262347F + t2 * (0.19354346F + t2 * (-0.11643287F + t2 * (0.05265332F - t2 * 0.01172120F)))));
   angle = ax > ay ? angle : epipolar_order_layout::pi / 2 - angle;
   angle = x < 0 ? epipolar_order_layout::pi - angle : angle;
   return y < 0 ? 2 * epipolar_order_layout::pi - angle : angle;
@@ -65,7 +67,8 @@ class plane_measure {
     return {g, static_cast<float>(chi / focal), nullptr};
   }
   /// Curved images: the keypoint may be `chi` standard deviations off the projection of the point.
-  static plane_measure ray(const pair_geometry& g, double chi, const resolution_profile& resolution, float largest_scale) {
+  static plane_measure ray(const pair_geometry& g, double chi, const resolution_profile& resolution,
+                           float largest_scale) {
     // The profile holds near the keypoint only.
     const bool usable = chi * largest_scale <= resolution_profile::margin && resolution.known();
     return {g, usable ? static_cast<float>(chi) : 1e30F, &resolution};
@@ -133,7 +136,8 @@ struct epipolar_table {
     for (int i = 0; i <= layout::total_buckets(); ++i) offsets[i] = 0;
     for (int i = 0; i < count; ++i) {
       const int k = width_class(intervals[i].half_width);
-      keys[i] = k == layout::class_count ? layout::total_buckets() - 1 : layout::first_bucket(k) + bucket_of(k, intervals[i].angle);
+      keys[i] = k == layout::class_count ? layout::total_buckets() - 1
+                                         : layout::first_bucket(k) + bucket_of(k, intervals[i].angle);
       ++offsets[keys[i] + 1];
     }
     for (int i = 0; i < layout::total_buckets(); ++i) offsets[i + 1] += offsets[i];

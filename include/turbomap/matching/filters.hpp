@@ -47,7 +47,8 @@ namespace detail {
 /// The group that holds a keypoint, or -1: keypoints of a group ascend, so each is searched by halving.
 TURBOMAP_HD inline int group_containing(const group_index_view& groups, std::uint32_t keypoint) {
   for (int g = 0; g < groups.group_count; ++g) {
-    std::uint32_t low = groups.offsets[static_cast<std::size_t>(g)], high = groups.offsets[static_cast<std::size_t>(g) + 1];
+    std::uint32_t low = groups.offsets[static_cast<std::size_t>(g)],
+                  high = groups.offsets[static_cast<std::size_t>(g) + 1];
     const std::uint32_t end = high;
     while (low < high) {
       const std::uint32_t middle = (low + high) / 2;
@@ -63,13 +64,15 @@ TURBOMAP_HD inline int group_containing(const group_index_view& groups, std::uin
 
 /// Whether any neighbour keypoint that `query` was compared with satisfies the predicate.
 template <class Descriptor, class Camera, class Predicate>
-TURBOMAP_HD bool any_candidate(const search_view<Descriptor, Camera>& search, int n, std::int32_t match, Predicate predicate) {
+TURBOMAP_HD bool any_candidate(const search_view<Descriptor, Camera>& search, int n, std::int32_t match,
+                               Predicate predicate) {
   if (search.options.candidate_set == candidates::grouped) {
     const auto& groups = search.neighbour(n).groups;
     const std::uint8_t* has_point = search.has_point + search.has_point_offset[n];
     const int g = group_containing(groups, static_cast<std::uint32_t>(match));
     if (g < 0) return false;  // a given match of keypoints without a group
-    for (std::uint32_t k = groups.offsets[static_cast<std::size_t>(g)]; k < groups.offsets[static_cast<std::size_t>(g) + 1]; ++k) {
+    for (std::uint32_t k = groups.offsets[static_cast<std::size_t>(g)];
+         k < groups.offsets[static_cast<std::size_t>(g) + 1]; ++k) {
       const auto c = static_cast<std::int32_t>(groups.keypoints[k]);
       if (has_point[c] == 0 && predicate(c)) return true;
     }
@@ -221,7 +224,8 @@ void apply_filter(context<Policy>& ctx, correspondences<Descriptor, Camera, Poli
 }
 /// \throws std::invalid_argument  the ratio is not in (0, 1]
 template <class Descriptor, class Camera, class Policy>
-void apply_filter(context<Policy>& ctx, correspondences<Descriptor, Camera, Policy>& matches, const ratio_test& filter) {
+void apply_filter(context<Policy>& ctx, correspondences<Descriptor, Camera, Policy>& matches,
+                  const ratio_test& filter) {
   require(filter.ratio > 0 && filter.ratio <= 1, "ratio_test.ratio", filter.ratio, "must be in (0, 1]");
   apply_filter(ctx, matches, detail::keep_ratio{filter.ratio});
 }

@@ -42,8 +42,8 @@ void given_correspondences(context<Policy>& ctx, const posed_keyframe<Descriptor
   std::vector<typename Descriptor::distance_type> distance(count);
   for (std::size_t k = 0; k < matches.size(); ++k) {
     const auto& m = matches[k];
-    require(m.neighbour >= 0 && static_cast<std::size_t>(m.neighbour) < neighbours.size(), "matches[].neighbour", m.neighbour,
-            "is not the number of a neighbour");
+    require(m.neighbour >= 0 && static_cast<std::size_t>(m.neighbour) < neighbours.size(), "matches[].neighbour",
+            m.neighbour, "is not the number of a neighbour");
     require(m.query >= 0 && m.query < query.view.keypoint_count, "matches[].query", m.query, "is not a query keypoint");
     const auto& neighbour = neighbours[static_cast<std::size_t>(m.neighbour)];
     require(m.candidate >= 0 && m.candidate < neighbour.view.keypoint_count, "matches[].candidate", m.candidate,

@@ -31,9 +31,7 @@ struct ordered_tables {
   typename Descriptor::element* descriptors;  ///< of `candidates`, in their order: windows are read as a stream
   float largest_scale;
 
-  int table(int n, int a, int b) const {
-    return (n * search.query_cameras + a) * search.neighbour_cameras + b;
-  }
+  int table(int n, int a, int b) const { return (n * search.query_cameras + a) * search.neighbour_cameras + b; }
   epipolar_table view(int n, int a, int b) const {
     const int cameras = search.query_cameras * search.neighbour_cameras;
     const std::int64_t begin = search.candidate_offset[n], count = search.candidate_offset[n + 1] - begin;
@@ -132,7 +130,8 @@ struct ordered_search {
       candidate_scan<Descriptor, Camera> scan(search, n, keypoint, match, distance);
       table.windows(interval, [&](std::int32_t begin, std::int32_t end) {
         for (std::int32_t k = begin; k < end; ++k) {
-          const auto d = Descriptor::distance(descriptor, descriptors + static_cast<std::int64_t>(k) * Descriptor::elements);
+          const auto d =
+              Descriptor::distance(descriptor, descriptors + static_cast<std::int64_t>(k) * Descriptor::elements);
           if (d <= scan.best_distance()) scan.consider(table.candidates[k], d);
         }
       });
@@ -149,7 +148,8 @@ void run_ordered(context<Policy>& ctx, const search_view<Descriptor, Camera>& se
   const std::size_t entries = candidate_count * static_cast<std::size_t>(cameras);
   ordered_tables<Descriptor, Camera> tables{
       search,
-      ctx.template scratch<std::int32_t>(static_cast<std::size_t>(table_count) * (epipolar_order_layout::total_buckets() + 1)),
+      ctx.template scratch<std::int32_t>(static_cast<std::size_t>(table_count) *
+                                         (epipolar_order_layout::total_buckets() + 1)),
       ctx.template scratch<std::int32_t>(entries),
       ctx.template scratch<float>(static_cast<std::size_t>(table_count)),
       ctx.template scratch<std::int32_t>(entries),

@@ -24,17 +24,18 @@ namespace detail {
 /// One keypoint of a pair as creation sees it.
 struct creation_view {
   vec2<decision> pixel;
-  vec3<decision> ray;     ///< in its camera; z = 1 on straight images, else unit
-  decision depth;         ///< m
-  decision u_right;       ///< px
-  decision bf;            ///< px m
-  decision sigma2;        ///< px^2
-  decision parallax;      ///< cosine of the parallax of its own stereo pair; 2: none
+  vec3<decision> ray;  ///< in its camera; z = 1 on straight images, else unit
+  decision depth;      ///< m
+  decision u_right;    ///< px
+  decision bf;         ///< px m
+  decision sigma2;     ///< px^2
+  decision parallax;   ///< cosine of the parallax of its own stereo pair; 2: none
   bool stereo;
 };
 
 template <class Descriptor, class Camera>
-TURBOMAP_HD creation_view look_at(const keyframe_view<Descriptor, Camera>& keyframe, int keypoint, const float* sigma2) {
+TURBOMAP_HD creation_view look_at(const keyframe_view<Descriptor, Camera>& keyframe, int keypoint,
+                                  const float* sigma2) {
   const auto& camera = keyframe.cameras[keyframe.camera_of(keypoint)];
   creation_view v{};
   v.pixel = cast<decision>(keyframe.pixel[keypoint]);
@@ -42,8 +43,8 @@ TURBOMAP_HD creation_view look_at(const keyframe_view<Descriptor, Camera>& keyfr
   v.parallax = decision(2);
   pinhole<double> K;
   const bool straight = as_pinhole(camera.camera, K);
-  v.ray = straight ? vec3<decision>{(v.pixel.x - decision(K.cx)) / decision(K.fx), (v.pixel.y - decision(K.cy)) / decision(K.fy),
-                                    decision(1)}
+  v.ray = straight ? vec3<decision>{(v.pixel.x - decision(K.cx)) / decision(K.fx),
+                                    (v.pixel.y - decision(K.cy)) / decision(K.fy), decision(1)}
                    : cast<decision>(keyframe.bearing[keypoint]);
   v.stereo = straight && camera.bf > 0 && keyframe.is_stereo(keypoint);
   if (v.stereo) {
@@ -155,7 +156,8 @@ class point_creation {
   void plan(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches,
             std::vector<created_point>& result) const {
     const auto& search = matches.view();
-    require(points_.size() == static_cast<std::size_t>(search.neighbour_count) * static_cast<std::size_t>(search.slot_count),
+    require(points_.size() ==
+                static_cast<std::size_t>(search.neighbour_count) * static_cast<std::size_t>(search.slot_count),
             "matches", points_.size(), "are not what the points were made from");
     const std::int32_t* match = matches.on_host(ctx, search.match, host_match_);
     const created_point* points = matches.on_host(ctx, points_.data(), host_points_);
@@ -166,7 +168,8 @@ class point_creation {
       if (match[i] != no_match) result.push_back(points[i]);
   }
   template <class Descriptor, class Camera>
-  std::vector<created_point> plan(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches) const {
+  std::vector<created_point> plan(context<Policy>& ctx,
+                                  const correspondences<Descriptor, Camera, Policy>& matches) const {
     std::vector<created_point> result;
     plan(ctx, matches, result);
     return result;
@@ -199,7 +202,8 @@ void create_points(context<Policy>& ctx, const correspondences<Descriptor, Camer
           options.scales.scale_factor, "must be finite and at least 1");
   require(options.scale_tolerance >= 1 && finite(options.scale_tolerance), "options.scale_tolerance",
           options.scale_tolerance, "must be finite and at least 1");
-  require(options.max_parallax_cosine <= 1, "options.max_parallax_cosine", options.max_parallax_cosine, "must be a cosine");
+  require(options.max_parallax_cosine <= 1, "options.max_parallax_cosine", options.max_parallax_cosine,
+          "must be a cosine");
   require(options.max_distance >= 0 && finite(options.max_distance), "options.max_distance", options.max_distance,
           "must be finite and not negative");
   const auto& search = matches.view();

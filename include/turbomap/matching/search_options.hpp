@@ -17,8 +17,8 @@ namespace turbomap {
 enum class candidates : std::uint8_t {
   exhaustive,        ///< all of them, one by one
   epipolar_ordered,  ///< all that can lie on its epipolar curve: the answer of `exhaustive`, found in a few percent of the
-                     ///< comparisons. A device compares all (it is faster at that than at ordering); the result is the same
-  grouped            ///< those of its visual word group only [ORB-SLAM3 parity]
+  ///< comparisons. A device compares all (it is faster at that than at ordering); the result is the same
+  grouped  ///< those of its visual word group only [ORB-SLAM3 parity]
 };
 
 /// Which candidate wins among equal descriptor distances.
@@ -31,21 +31,22 @@ enum class tie_rule : std::uint8_t {
 struct search_options {
   candidates candidate_set = candidates::epipolar_ordered;
   tie_rule ties = tie_rule::lowest_index;
-  pyramid scales;                        ///< sigma2(o) = scale_factor^(2 o) px^2
-  double max_distance = 50;              ///< largest descriptor distance of a match (50 of 256 bits: TH_LOW)
-  double epipole_radius = 10;            ///< px at octave 0, grows with sqrt(s^o): candidates nearer to the epipole give no
-                                         ///< depth. Single-camera rigs, both keypoints without u_right
-  double line_chi2 = 3.84;               ///< gate of (distance to the epipolar line)^2 / sigma2: 95 %, 1 dof
-  double reprojection_chi2 = 5.991;      ///< gate of reprojection error^2 / sigma2 (curved images): 95 %, 2 dof
-  double max_parallax_cosine = 0.9998;   ///< curved images: rays closer to parallel are no match
+  pyramid scales;                    ///< sigma2(o) = scale_factor^(2 o) px^2
+  double max_distance = 50;          ///< largest descriptor distance of a match (50 of 256 bits: TH_LOW)
+  double epipole_radius = 10;        ///< px at octave 0, grows with sqrt(s^o): candidates nearer to the epipole give no
+                                     ///< depth. Single-camera rigs, both keypoints without u_right
+  double line_chi2 = 3.84;           ///< gate of (distance to the epipolar line)^2 / sigma2: 95 %, 1 dof
+  double reprojection_chi2 = 5.991;  ///< gate of reprojection error^2 / sigma2 (curved images): 95 %, 2 dof
+  double max_parallax_cosine = 0.9998;  ///< curved images: rays closer to parallel are no match
 };
 
 /// A keyframe as one call sees it: the immutable view, and what changes.
 template <class Descriptor, class Camera>
 struct posed_keyframe {
   keyframe_view<Descriptor, Camera> view;
-  rigid_transform<double> T_cw;              ///< world to camera (to body for a rig with T_camera_body)
-  span<const std::uint8_t> has_point = {};   ///< host memory, one byte a keypoint, not 0: holds a map point. Empty: none does
+  rigid_transform<double> T_cw;  ///< world to camera (to body for a rig with T_camera_body)
+  span<const std::uint8_t> has_point =
+      {};  ///< host memory, one byte a keypoint, not 0: holds a map point. Empty: none does
 };
 
 /// One match: keypoint `query` of the query keyframe and keypoint `candidate` of neighbour number `neighbour`.

@@ -28,7 +28,8 @@ class search_setup {
   using posed = posed_keyframe<Descriptor, Camera>;
   using distance_type = typename Descriptor::distance_type;
 
-  search_setup(context<Policy>& ctx, correspondences<Descriptor, Camera, Policy>& result) : ctx_(ctx), result_(result) {}
+  search_setup(context<Policy>& ctx, correspondences<Descriptor, Camera, Policy>& result)
+      : ctx_(ctx), result_(result) {}
 
   /// Throws std::invalid_argument naming what is wrong with the arguments of a call.
   static void check(const posed& query, span<const posed> neighbours, const search_options& options) {
@@ -55,11 +56,13 @@ class search_setup {
       mask_bytes += n.view.keypoint_count;
       candidate_count += unmapped(n);
     }
-    require(candidate_count * cameras * query.view.camera_count < (std::int64_t{1} << 31), "candidates of all neighbours",
-            candidate_count, "must be below 2^31 in one call");
+    require(candidate_count * cameras * query.view.camera_count < (std::int64_t{1} << 31),
+            "candidates of all neighbours", candidate_count, "must be below 2^31 in one call");
     const std::int64_t slots = unmapped(query), results = slots * neighbour_count;
-    require(mask_bytes < (std::int64_t{1} << 31), "keypoints of all neighbours", mask_bytes, "must be below 2^31 in one call");
-    require(results < (std::int64_t{1} << 31), "query keypoints x neighbours", results, "must be below 2^31 in one call");
+    require(mask_bytes < (std::int64_t{1} << 31), "keypoints of all neighbours", mask_bytes,
+            "must be below 2^31 in one call");
+    require(results < (std::int64_t{1} << 31), "query keypoints x neighbours", results,
+            "must be below 2^31 in one call");
 
     // Layout of the block.
     std::size_t bytes = 0;
@@ -91,7 +94,8 @@ class search_setup {
     poses[0] = query.T_cw;
     result_.queries_.resize(static_cast<std::size_t>(slots));
     list_unmapped(query, result_.queries_.data());
-    if (slots != 0) std::memcpy(block.host + queries_at, result_.queries_.data(), sizeof(std::int32_t) * result_.queries_.size());
+    if (slots != 0)
+      std::memcpy(block.host + queries_at, result_.queries_.data(), sizeof(std::int32_t) * result_.queries_.size());
     std::int32_t masks = 0, listed = 0;
     for (int n = 0; n < neighbour_count; ++n) {
       const posed& k = neighbours[static_cast<std::size_t>(n)];
@@ -152,9 +156,10 @@ class search_setup {
             "must be in [1, 256]: octaves are bytes");
     require(o.scales.scale_factor >= 1 && detail::is_finite(o.scales.scale_factor), "options.scales.scale_factor",
             o.scales.scale_factor, "must be finite and at least 1");
-    require(o.line_chi2 > 0 && detail::is_finite(o.line_chi2), "options.line_chi2", o.line_chi2, "must be finite and positive");
-    require(o.reprojection_chi2 > 0 && detail::is_finite(o.reprojection_chi2), "options.reprojection_chi2", o.reprojection_chi2,
+    require(o.line_chi2 > 0 && detail::is_finite(o.line_chi2), "options.line_chi2", o.line_chi2,
             "must be finite and positive");
+    require(o.reprojection_chi2 > 0 && detail::is_finite(o.reprojection_chi2), "options.reprojection_chi2",
+            o.reprojection_chi2, "must be finite and positive");
     require(o.epipole_radius >= 0, "options.epipole_radius", o.epipole_radius, "must not be negative");
     require(o.max_parallax_cosine <= 1, "options.max_parallax_cosine", o.max_parallax_cosine, "must be a cosine");
   }
@@ -169,11 +174,12 @@ class search_setup {
     if (!(k.view.keypoint_count >= 0))
       reject((argument + ".view.keypoint_count").c_str(), k.view.keypoint_count, "must not be negative");
     if (!(k.view.camera_count >= 1 && k.view.cameras != nullptr))
-      reject((argument + ".view.camera_count").c_str(), k.view.camera_count, "a keyframe needs a rig of at least one camera");
+      reject((argument + ".view.camera_count").c_str(), k.view.camera_count,
+             "a keyframe needs a rig of at least one camera");
     if (!(k.has_point.empty() || k.has_point.size() == static_cast<std::size_t>(k.view.keypoint_count)))
       reject((argument + ".has_point.size()").c_str(), k.has_point.size(), "must be 0 or the number of keypoints");
-    if (k.view.keypoint_count > 0 && (k.view.pixel == nullptr || k.view.bearing == nullptr || k.view.octave == nullptr ||
-                                      k.view.descriptor == nullptr))
+    if (k.view.keypoint_count > 0 && (k.view.pixel == nullptr || k.view.bearing == nullptr ||
+                                      k.view.octave == nullptr || k.view.descriptor == nullptr))
       reject((argument + ".view").c_str(), "null", "pixel, bearing, octave and descriptor are needed");
   }
 
