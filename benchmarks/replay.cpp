@@ -76,8 +76,8 @@ int main(int argc, char** argv) try {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
-    const int status = app.exit(e);
-    return status == 0 ? 0 : 2;
+    if (e.get_exit_code() == 0) return app.exit(e);  // --help
+    throw;
   }
   if (!stages.empty()) choose_stages(stages, a);
   if (a.recording.empty()) a.recording = demo_recording(argv[0]);
