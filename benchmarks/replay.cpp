@@ -55,6 +55,7 @@ void choose_stages(const std::string& list, arguments& a) {
   }
   a.search = names.count("search") != 0;
   a.creation = names.count("creation") != 0;
+  if (!a.search && !a.check) throw std::invalid_argument("--stages: a replay needs search");
 }
 
 }  // namespace

@@ -257,6 +257,8 @@ void check_filter_options() {
   CHECK(refused(rotation_histogram{30, 0, 0.1}, "rotation_histogram.kept = 0"));
   for (const double f : {-0.1, 1.1, std::nan("")})
     CHECK(refused(rotation_histogram{30, 3, f}, "rotation_histogram.min_fraction"));
+  // A good filter in front of a bad one is not applied either.
+  CHECK_THROWS_AS(turbomap::filter(r.ctx, r.matches, one_to_one{}, ratio_test{2}), std::invalid_argument);
   CHECK(same(r.plan(), before));
   // Without the angles of one keyframe there is no histogram; the other filters do not need them.
   for (std::size_t without = 0; without < s.frames.size(); ++without) {

@@ -126,7 +126,6 @@ std::pair<long, long> count_left_out(scene<Descriptor, Camera>& s, const search_
   const auto& search = found.view();
   turbomap::ordered_tables<Descriptor, Camera> tables{};
   tables.search = search;
-  tables.largest_scale = search.largest_scale;
   long passed = 0, left_out = 0;
   for (int n = 0; n < search.neighbour_count; ++n)
     for (int slot = 0; slot < search.slot_count; ++slot) {

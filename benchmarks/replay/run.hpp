@@ -90,7 +90,6 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
       const auto b = turbomap::cast<double>(recording.meta.T_bc);
       turbomap::stamped_pose p;
       p.t_ns = recording.t_ns[i];
-      p.T_wb.qw = c.qw * b.qw - c.qx * b.qx - c.qy * b.qy - c.qz * b.qz;
       const auto t = turbomap::inverse(turbomap::to_isometry<double>(c)) * T_cb.t;
       // (q_c)^-1 (q_b)^-1
       p.T_wb.qw = c.qw * b.qw - c.qx * b.qx - c.qy * b.qy - c.qz * b.qz;

@@ -89,7 +89,12 @@ class context {
   explicit context(Policy policy = Policy(), std::pmr::memory_resource* resource = default_resource(memory_type{}),
                    std::pmr::memory_resource* staging = default_staging_resource(memory_type{}))
       : policy_(std::move(policy)), resource_(resource), scratch_(resource), staging_(staging) {}
-  context(context&&) = default;
+  context(context&& other) noexcept
+      : policy_(other.policy_),
+        resource_(std::exchange(other.resource_, nullptr)),  // what was moved from has nothing to wait for
+        scratch_(std::move(other.scratch_)),
+        staging_(std::move(other.staging_)),
+        upload_in_flight_(other.upload_in_flight_) {}
   /// Work that is still enqueued may use this memory: waits for it.
   ~context() {
     if (resource_ != nullptr) wait_quietly();

@@ -61,8 +61,8 @@ class simple_map {
     auto& seen = observations_[static_cast<std::size_t>(point)];
     for (const observation& o : seen)
       if (o.keyframe == keyframe && same_camera(o.keypoint, keypoint)) return false;
+    seen.push_back({keyframe, keypoint});  // may throw: first
     slot = point;
-    seen.push_back({keyframe, keypoint});
     return true;
   }
   bool observe(std::int32_t point, std::int32_t keyframe, std::int32_t keypoint) {

@@ -67,11 +67,8 @@ class plane_measure {
     return {g, static_cast<float>(chi / focal), nullptr};
   }
   /// Curved images: the keypoint may be `chi` standard deviations off the projection of the point.
-  static plane_measure ray(const pair_geometry& g, double chi, const resolution_profile& resolution,
-                           float largest_scale) {
-    // The profile holds near the keypoint only.
-    const bool usable = chi * largest_scale <= resolution_profile::margin && resolution.known();
-    return {g, usable ? static_cast<float>(chi) : 1e30F, &resolution};
+  static plane_measure ray(const pair_geometry& g, double chi, const resolution_profile& resolution) {
+    return {g, resolution.known() ? static_cast<float>(chi) : 1e30F, &resolution};
   }
 
   /// Interval of a keypoint of `scale` px standard deviation whose bearing in the neighbour's frame is `b`.
@@ -82,7 +79,9 @@ class plane_measure {
     // Straight: |sin(difference)| < chi scale / (focal m), m = distance to the baseline on the image plane z = 1.
     // Curved: the ray may turn by chi scale / (pixels per radian), seen from the baseline over the sine of its angle to it.
     const float s = resolution_ == nullptr ? reach_ * scale * b.z : reach_ * scale / resolution_->at(cosine);
-    if (!(s < distance) || distance < 1e-3F) return {0, -1};
+    // The profile holds near the keypoint only.
+    const bool near = resolution_ == nullptr || reach_ * scale <= static_cast<float>(resolution_profile::margin);
+    if (!near || !(s < distance) || distance < 1e-3F) return {0, -1};
     const float width = asin_bound(s / distance) * 1.01F + epipolar_order_layout::slack;
     float angle = plane_angle(py, px);
     if (resolution_ != nullptr) return {angle, width};

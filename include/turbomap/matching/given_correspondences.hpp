@@ -57,12 +57,17 @@ void given_correspondences(context<Policy>& ctx, const posed_keyframe<Descriptor
     candidate[at] = m.candidate;
     distance[at] = m.distance;
   }
-  setup(query, neighbours, options);
-  setup.prepare_pairs();
-  const auto& search = result.view();
-  copy_in(ctx.policy(), search.match, candidate.data(), count * sizeof(std::int32_t));
-  copy_in(ctx.policy(), search.distance, distance.data(), count * sizeof(typename Descriptor::distance_type));
-  ctx.synchronize();  // the vectors end here
+  try {
+    setup(query, neighbours, options);
+    setup.prepare_pairs();
+    const auto& search = result.view();
+    copy_in(ctx.policy(), search.match, candidate.data(), count * sizeof(std::int32_t));
+    copy_in(ctx.policy(), search.distance, distance.data(), count * sizeof(typename Descriptor::distance_type));
+    ctx.synchronize();  // the vectors end here
+  } catch (...) {
+    result.clear();  // its matches may be half there
+    throw;
+  }
 }
 
 TURBOMAP_END_NAMESPACE

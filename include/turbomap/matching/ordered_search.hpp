@@ -29,7 +29,6 @@ struct ordered_tables {
   plane_interval* intervals;
   std::int32_t* keys;
   typename Descriptor::element* descriptors;  ///< of `candidates`, in their order: windows are read as a stream
-  float largest_scale;
 
   int table(int n, int a, int b) const { return (n * search.query_cameras + a) * search.neighbour_cameras + b; }
   epipolar_table view(int n, int a, int b) const {
@@ -42,14 +41,13 @@ struct ordered_tables {
   /// Measure of the candidates (side b) of a pair.
   plane_measure candidate_measure(const pair_geometry& g, int n, int b) const {
     if (g.straight) return plane_measure::line(g, std::sqrt(search.options.line_chi2), std::fmin(g.K_b.fx, g.K_b.fy));
-    return plane_measure::ray(g, std::sqrt(search.options.reprojection_chi2), search.neighbour(n).cameras[b].resolution,
-                              largest_scale);
+    return plane_measure::ray(g, std::sqrt(search.options.reprojection_chi2),
+                              search.neighbour(n).cameras[b].resolution);
   }
   /// Measure of the query keypoints (side a). A line test measures from the exact query pixel: no width of its own.
   plane_measure query_measure(const pair_geometry& g, int a) const {
     if (g.straight) return plane_measure::line(g, 0, 1);
-    return plane_measure::ray(g, std::sqrt(search.options.reprojection_chi2), search.query().cameras[a].resolution,
-                              largest_scale);
+    return plane_measure::ray(g, std::sqrt(search.options.reprojection_chi2), search.query().cameras[a].resolution);
   }
 };
 
@@ -155,8 +153,7 @@ void run_ordered(context<Policy>& ctx, const search_view<Descriptor, Camera>& se
       ctx.template scratch<std::int32_t>(entries),
       ctx.template scratch<plane_interval>(entries),
       ctx.template scratch<std::int32_t>(entries),
-      ctx.template scratch<typename Descriptor::element>(entries * Descriptor::elements),
-      search.largest_scale};
+      ctx.template scratch<typename Descriptor::element>(entries * Descriptor::elements)};
   for_each_index(ctx.policy(), table_count, build_ordered_table<Descriptor, Camera>{tables});
   const int chunks = (search.slot_count + ordered_search<Descriptor, Camera>::chunk_size - 1) /
                      ordered_search<Descriptor, Camera>::chunk_size;

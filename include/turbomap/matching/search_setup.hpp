@@ -59,6 +59,10 @@ class search_setup {
     require(candidate_count * cameras * query.view.camera_count < (std::int64_t{1} << 31),
             "candidates of all neighbours", candidate_count, "must be below 2^31 in one call");
     const std::int64_t slots = unmapped(query), results = slots * neighbour_count;
+    const std::int64_t pairs = static_cast<std::int64_t>(neighbour_count) * cameras * query.view.camera_count;
+    require(pairs < (std::int64_t{1} << 31), "pairs of cameras", pairs, "must be below 2^31 in one call");
+    const std::int64_t words = static_cast<std::int64_t>(neighbour_count) * query.view.groups.group_count;
+    require(words < (std::int64_t{1} << 31), "query groups x neighbours", words, "must be below 2^31 in one call");
     require(mask_bytes < (std::int64_t{1} << 31), "keypoints of all neighbours", mask_bytes,
             "must be below 2^31 in one call");
     require(results < (std::int64_t{1} << 31), "query keypoints x neighbours", results,
@@ -133,7 +137,6 @@ class search_setup {
     v.query_cameras = query.view.camera_count;
     v.neighbour_cameras = cameras;
     v.max_distance = static_cast<distance_type>(options.max_distance);
-    v.largest_scale = reinterpret_cast<const float*>(block.host + scale_at)[options.scales.levels - 1];
     v.options = options;
     result_.candidate_count_ = candidate_count;
     result_.neighbour_keypoint_count_ = mask_bytes;

@@ -40,7 +40,6 @@ struct search_view {
   int query_cameras;
   int neighbour_cameras;  ///< the most of any neighbour
   distance_type max_distance;
-  float largest_scale;  ///< of the coarsest octave
   search_options options;
 
   TURBOMAP_HD const keyframe_view<Descriptor, Camera>& query() const { return keyframes[0]; }
