@@ -140,6 +140,8 @@ void check_deferred_reclamation() {
   auto first = store.pin(ctx, handles{handle, handle});
   auto second = store.pin(ctx.policy(), handles{handle});
   CHECK(first.size() == 2);
+  CHECK(store.pin(ctx, {handle, handle, handle}).size() == 3);
+  CHECK(store.pin(ctx, {}).size() == 0);
   store.erase(handle);
   CHECK_FALSE(store.contains(handle));
   CHECK(store.size() == 0);

@@ -266,6 +266,48 @@ TEST_CASE("Kannala-Brandt: a polynomial that folds back is used up to the fold o
   CHECK(camera.min_pixels_per_radian(image) == 0);
 }
 
+TEST_CASE("Kannala-Brandt: any polynomial, usual or absurd: the least angle, or none") {
+  std::mt19937 random(11);
+  const auto uniform = [&random](double limit) { return limit * (static_cast<double>(random() % 200001) / 1e5 - 1); };
+  int rays = 0, none = 0, unnoticed = 0;
+  for (int i = 0; i < 20000; ++i) {
+    const double size = i % 3 == 0 ? 0.02 : i % 3 == 1 ? 0.3 : 3;
+    const kannala_brandt<double> camera{100, 100, 0, 0, uniform(size), uniform(size), uniform(size), uniform(size)};
+    const double theta_d = 1.6 + uniform(1.59);
+    // The first sign change of theta_d(theta) - theta_d on a fine grid, as long as it rises.
+    const auto d = [&](double t) {
+      const double z = t * t;
+      return t * (1 + z * (camera.k1 + z * (camera.k2 + z * (camera.k3 + z * camera.k4))));
+    };
+    double expected = -1, smallest_rise = 1;
+    bool folds_near = false;
+    constexpr double step = 2e-4;
+    for (double t = 0; t < 3.14 && expected < 0; t += step) {
+      const double rise = (d(t + step) - d(t)) / step;
+      smallest_rise = std::min(smallest_rise, rise);
+      if (rise <= 0) {
+        folds_near = d(t) > theta_d - 0.01;
+        break;
+      }
+      if (d(t) <= theta_d && d(t + step) > theta_d) expected = t;
+    }
+    if (folds_near || (expected >= 0 && smallest_rise < 0.02)) continue;  // the grid is too coarse to say
+    vec3<double> ray{};
+    const bool seen = camera.unproject(vec2<double>{100 * theta_d, 0}, ray);
+    if (expected < 0 && !seen) ++none;
+    if (expected < 0) {
+      unnoticed += seen && std::atan2(ray.x, ray.z) < 3.13 ? 1 : 0;
+      continue;
+    }
+    ++rays;
+    REQUIRE(seen);
+    CHECK(std::abs(std::atan2(ray.x, ray.z) - expected) < 2 * step);
+  }
+  CHECK(rays > 3000);
+  CHECK(none > 3000);
+  CHECK(unnoticed <= 1);  // a fold and unfold between two samples of first_fold(); no lens does that
+}
+
 TEST_CASE("Brown-Conrady: no ray for a pixel beyond the fold, none behind") {
   const brown_conrady<double> camera{400, 400, 320, 240, -0.3,
                                      0,   0,   0,   0};  // r - 0.3 r^3 rises until r = 1.054, to 0.703

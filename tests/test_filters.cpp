@@ -7,6 +7,7 @@
 #include <thrust/system/omp/execution_policy.h>
 #include <thrust/system/tbb/execution_policy.h>
 
+#include "filter_windows_cases.hpp"
 #include "filters_cases.hpp"
 
 namespace {
@@ -22,6 +23,11 @@ TEST_CASE_TEMPLATE("pinhole matches are filtered as the oracle says", Policy, se
 TEST_CASE_TEMPLATE("fisheye matches are filtered as the oracle says", Policy, sequential, omp, tbb_policy) {
   check_all_filters<Policy>(fisheye_rig(), crowded(20), permissive(), 5);
 }
+TEST_CASE_TEMPLATE("filters that ask windows only decide as if they had asked all", Policy, sequential, tbb_policy) {
+  check_filter_windows<Policy>(pinhole_rig(), 50);
+  check_filter_windows<Policy>(fisheye_rig(), 70);
+}
+TEST_CASE("given matches of keypoints in different groups") { check_given_matches_of_other_groups<sequential>(); }
 TEST_CASE("distances of floats") {
   auto options = permissive();
   options.max_distance = 1.5;

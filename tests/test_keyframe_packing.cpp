@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstring>
 #include <map>
+#include <random>
 #include <string>
 #include <utility>
 #include <vector>
@@ -136,6 +137,18 @@ TEST_CASE("arrays that say nothing are left out") {
   CHECK(no_grid.layout.cell_offsets == turbomap::keyframe_layout::absent);
 }
 
+TEST_CASE("group ids of any size, and one group for all") {
+  auto k = make_keyframe(1, 1000, 1, false, 0);
+  std::mt19937 random(3);
+  for (auto& p : k.keypoints) p.group = static_cast<std::uint32_t>(random()) >> (8 * (random() % 4));
+  for (std::size_t i = 0; i < 300; ++i) k.keypoints[i + 500].group = k.keypoints[i].group;
+  check_against_input(k);
+  for (auto& p : k.keypoints) p.group = p.group & 0xFF000000u;
+  check_against_input(k);
+  for (auto& p : k.keypoints) p.group = 7;
+  check_against_input(k);
+}
+
 TEST_CASE("no keypoints at all") {
   const packed_keyframe<> p(make_keyframe(1, 0).data());
   CHECK(p.view.keypoint_count == 0);
@@ -185,6 +198,48 @@ TEST_CASE("bearings of a fisheye camera; a pixel without a ray has none") {
     CHECK(p.view.bearing[i].y == doctest::Approx(ray.y).epsilon(1e-7));
     CHECK(p.view.bearing[i].z == doctest::Approx(ray.z).epsilon(1e-7));
   }
+}
+
+/// Counts how often it is measured.
+struct counted_camera : turbomap::pinhole<float> {
+  static int measured;
+  double min_pixels_per_radian(const turbomap::image_bounds& bounds) const {
+    ++measured;
+    return bounds.max_x > 1e6F ? 0 : turbomap::pinhole<float>::min_pixels_per_radian(bounds);
+  }
+};
+int counted_camera::measured = 0;
+
+TEST_CASE("images that their keypoints span are measured a few times, not one by one") {
+  turbomap::measured_cameras cameras;
+  const counted_camera camera{{400, 400, 320, 240}};
+  const auto at = [](const turbomap::resolution_profile& p) { return p.pixels_per_radian[0]; };
+  std::mt19937 random(1);
+  counted_camera::measured = 0;
+  for (int i = 0; i < 1000; ++i) {
+    const auto edge = [&random] { return static_cast<float>(random() % 30); };
+    const turbomap::image_bounds image{edge(), edge(), 640 - edge(), 480 - edge()};
+    const auto& profile = cameras.of(0, camera, image);
+    const auto exact = turbomap::measure_resolution(static_cast<const turbomap::pinhole<float>&>(camera), image);
+    for (int k = 0; k < turbomap::resolution_profile::entries; ++k)
+      if (exact.pixels_per_radian[k] > 401)  // where there is image; elsewhere it is the least of all
+        REQUIRE(profile.pixels_per_radian[k] <= 1.02F * exact.pixels_per_radian[k]);
+  }
+  CHECK(counted_camera::measured <= 5);
+
+  // One keyframe that reaches to where the model says nothing is unknown; those before and after it are not.
+  const turbomap::image_bounds image{0, 0, 640, 480}, outlier{0, 0, 2e6F, 480};
+  cameras.of(0, camera, image);
+  CHECK(at(cameras.of(0, camera, outlier)) == 0);
+  counted_camera::measured = 0;
+  CHECK(at(cameras.of(0, camera, image)) > 300);
+  CHECK(counted_camera::measured == 0);
+  CHECK(at(cameras.of(1, camera, outlier)) == 0);
+  CHECK(at(cameras.of(1, camera, image)) > 300);
+  counted_camera::measured = 0;
+  CHECK(at(cameras.of(2, camera, outlier)) == 0);
+  CHECK(at(cameras.of(2, camera, outlier)) == 0);
+  CHECK(counted_camera::measured == 1);
 }
 
 TEST_CASE("cameras are measured once, and again when camera or image change") {

@@ -11,6 +11,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "keyframe_large_cases.hpp"
 #include "keyframe_paging_cases.hpp"
 
 namespace {
@@ -32,6 +33,9 @@ TEST_CASE_TEMPLATE("an erased keyframe stays until its readers are done", Policy
 }
 TEST_CASE_TEMPLATE("beyond the budget the least recently used are paged out", Policy, seq, omp, tbb) {
   check_paging<Policy>();
+}
+TEST_CASE_TEMPLATE("a keyframe larger than a chunk takes the place of many", Policy, seq, omp, tbb) {
+  check_large_keyframe<Policy>();
 }
 TEST_CASE_TEMPLATE("a failing allocation leaves the store as it was", Policy, seq) {
   check_failing_allocations<Policy>();

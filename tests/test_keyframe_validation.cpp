@@ -5,9 +5,11 @@
 
 #include <turbomap/store/keyframe_validation.hpp>
 
+#include <cstdint>
 #include <limits>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "keyframe_samples.hpp"
 
@@ -50,6 +52,27 @@ TEST_CASE("bad input is named: argument, index, value") {
   CHECK(refusal([&](K& k, D&) { k.cameras[0].camera.fx = 0; }).find("fx = 0") != std::string::npos);
   CHECK(refusal([&](K&, D& d) { d.bounds.max_x = nan; }).find("bounds.max_x = nan") != std::string::npos);
   CHECK(refusal([&](K&, D& d) { d.bounds.max_y = 0; }).find("bounds.max_y = 0") != std::string::npos);
+}
+
+TEST_CASE("a view of one's own that names a camera which is not there") {
+  std::vector<std::uint8_t> cameras{0, 1, 0, 1, 1};
+  sample_view view;
+  view.keypoint_count = 5, view.camera_count = 2;
+  turbomap::require_cameras(view, "query.view");  // all in camera 0
+  view.camera = cameras.data();
+  turbomap::require_cameras(view, "query.view");
+  cameras[4] = 2;
+  std::string message;
+  try {
+    turbomap::require_cameras(view, "query.view");
+  } catch (const std::invalid_argument& error) {
+    message = error.what();
+  }
+  CHECK(message == "turbomap: query.view.camera = 2: must be below the number of cameras");
+  view.keypoint_count = 4;
+  turbomap::require_cameras(view, "query.view");
+  view.keypoint_count = 0, view.camera_count = 0;
+  turbomap::require_cameras(view, "query.view");
 }
 
 }  // namespace

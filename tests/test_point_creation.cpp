@@ -178,4 +178,26 @@ TEST_CASE("options out of range are refused by name, and the last points stay") 
   CHECK_THROWS_AS(turbomap::create_points(ctx, found, o, points), std::invalid_argument);
 }
 
+TEST_CASE("a scale factor that is not that of the search is refused, both named") {
+  const scene<orb, pinhole_camera> s(pinhole_rig(50), {});
+  turbomap::context<sequential> ctx{};
+  const resident_scene<orb, pinhole_camera, sequential> keyframes(ctx, s);
+  search_options search;
+  search.scales.scale_factor = 1.25F;
+  const auto found = turbomap::search_correspondences(ctx, keyframes.query(), keyframes.neighbours(), search);
+  turbomap::point_creation<sequential> points(ctx);
+  std::string message;
+  try {
+    turbomap::create_points(ctx, found, {}, points);
+  } catch (const std::invalid_argument& e) {
+    message = e.what();
+  }
+  CHECK(message.find("options.scales.scale_factor = 1.2") != std::string::npos);
+  CHECK(message.find("that of the search, 1.25") != std::string::npos);
+  creation_options creation;
+  creation.scales = search.scales;
+  turbomap::create_points(ctx, found, creation, points);
+  CHECK(!points.plan(ctx, found).empty());
+}
+
 }  // namespace

@@ -6,23 +6,16 @@
 /// Search and creation on photographs with a COLMAP model: OpenCV's ORB on known poses, judged by the model's tracks and
 /// points, which were made from other features. Nothing is tuned to it.
 
-#include <thrust/execution_policy.h>
-
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <map>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <turbomap/camera/pinhole.hpp>
-#include <turbomap/context.hpp>
 #include <turbomap/descriptor/binary.hpp>
 #include <turbomap/interop/opencv.hpp>
 #include <turbomap/io/colmap_model.hpp>
-#include <turbomap/matching/correspondence_search.hpp>
-#include <turbomap/matching/point_creation.hpp>
-#include <turbomap/store/keyframe_store.hpp>
 #include <utility>
 #include <vector>
 

@@ -5,6 +5,7 @@
 /// \file
 /// The evaluation itself: searches, creates, and holds the results against the model.
 
+#include "judged_search.hpp"
 #include "lund_door.hpp"
 
 namespace turbomap::evaluation {
@@ -14,7 +15,6 @@ template <class Camera>
 class photo_evaluator {
  public:
   using descriptor = binary_descriptor<256>;
-  using policy = std::decay_t<decltype(thrust::seq)>;
 
   photo_evaluator(const colmap_model& model, const std::vector<photo>& photos, const photo_evaluation_options& options)
       : model_(model), photos_(photos), options_(options) {
@@ -24,6 +24,8 @@ class photo_evaluator {
 
   photo_evaluation run() {
     for (std::size_t p = 0; p < photos_.size(); ++p) evaluate(p);
+    result_.search_ms = search_.ordered_ms();
+    result_.ordered_differs = search_.ordered_differs();
     return std::move(result_);
   }
 
@@ -46,15 +48,7 @@ class photo_evaluator {
       k.x = static_cast<float>(pixel.x), k.y = static_cast<float>(pixel.y);
     }
     result_.keypoints += keypoints.size();
-    const auto rig = make_mono_rig(camera);
-    keyframe_data<descriptor, Camera> data;
-    data.keypoint_count = static_cast<int>(keypoints.size());
-    data.keypoints = keypoints.data();
-    data.descriptors = p.descriptors.data();
-    data.cameras = rig.cameras;
-    data.camera_count = 1;
-    data.bounds = bounds_of(keypoints);
-    handles_.push_back(store_.insert(data));
+    search_.insert(camera, keypoints, p.descriptors);
   }
 
   std::vector<std::size_t> neighbours_of(std::size_t query) const {
@@ -73,36 +67,18 @@ class photo_evaluator {
 
   void evaluate(std::size_t query) {
     const std::vector<std::size_t> neighbours = neighbours_of(query);
-    std::vector<keyframe_handle> handles{handles_[query]};
-    for (const std::size_t n : neighbours) handles.push_back(handles_[n]);
-    const auto pinned = store_.pin(ctx_, handles);
-    const auto posed = [&](std::size_t i, std::size_t p) {
-      return posed_keyframe<descriptor, Camera>{pinned[i], photos_[p].image->T_cw, {}};
-    };
-    std::vector<posed_keyframe<descriptor, Camera>> others;
-    for (std::size_t n = 0; n < neighbours.size(); ++n) others.push_back(posed(n + 1, neighbours[n]));
-    const span<const posed_keyframe<descriptor, Camera>> all = others;
-    search_options search;
-    search.candidate_set = candidates::exhaustive;
-    search_correspondences(ctx_, posed(0, query), all, search, matches_);
-    const auto exhaustive = matches_.plan(ctx_);
-    search.candidate_set = candidates::epipolar_ordered;
-    const auto start = std::chrono::steady_clock::now();
-    search_correspondences(ctx_, posed(0, query), all, search, matches_);
-    result_.search_ms += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-    const auto plan = matches_.plan(ctx_);
-    const auto same = [](const auto& a, const auto& b) {
-      return a.neighbour == b.neighbour && a.query == b.query && a.candidate == b.candidate && a.distance == b.distance;
-    };
-    if (!std::equal(plan.begin(), plan.end(), exhaustive.begin(), exhaustive.end(), same)) ++result_.ordered_differs;
-    create_points(ctx_, matches_, creation_options{}, creation_);
     result_.pairs += neighbours.size();
-    std::vector<std::map<int, int>> found(neighbours.size());
-    for (const created_point& p : creation_.plan(ctx_, matches_)) {
-      judge(photos_[query], photos_[neighbours[static_cast<std::size_t>(p.neighbour)]], p);
-      found[static_cast<std::size_t>(p.neighbour)][p.query] = p.candidate;
-    }
-    for (std::size_t n = 0; n < neighbours.size(); ++n) count_recall(photos_[query], photos_[neighbours[n]], found[n]);
+    const auto pose_of = [this](std::size_t p) { return photos_[p].image->T_cw; };
+    const auto judge_all = [&](const auto&, const auto&, const std::vector<created_point>& points) {
+      std::vector<std::map<int, int>> found(neighbours.size());
+      for (const created_point& p : points) {
+        judge(photos_[query], photos_[neighbours[static_cast<std::size_t>(p.neighbour)]], p);
+        found[static_cast<std::size_t>(p.neighbour)][p.query] = p.candidate;
+      }
+      for (std::size_t n = 0; n < neighbours.size(); ++n)
+        count_recall(photos_[query], photos_[neighbours[n]], found[n]);
+    };
+    search_(query, neighbours, pose_of, search_options{}, creation_options{}, judge_all);
   }
 
   /// Pixels by which the match moves otherwise than the nearest common track of the model; negative: there is none.
@@ -186,11 +162,7 @@ class photo_evaluator {
   const colmap_model& model_;
   const std::vector<photo>& photos_;
   photo_evaluation_options options_;
-  keyframe_store<descriptor, Camera> store_;
-  context<policy> ctx_{thrust::seq};
-  correspondences<descriptor, Camera, policy> matches_{ctx_};
-  point_creation<policy> creation_{ctx_};
-  std::vector<keyframe_handle> handles_;
+  judged_search<descriptor, Camera> search_;
   photo_evaluation result_;
 };
 

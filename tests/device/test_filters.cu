@@ -6,6 +6,7 @@
 
 #include <thrust/system/cuda/execution_policy.h>
 
+#include "../filter_windows_cases.hpp"
 #include "../filters_cases.hpp"
 
 namespace {
@@ -15,6 +16,7 @@ using cuda = std::decay_t<decltype(thrust::cuda::par)>;
 
 TEST_CASE("pinhole matches") { check_all_filters<cuda>(pinhole_rig(50), crowded(10), permissive(), 5); }
 TEST_CASE("fisheye matches") { check_all_filters<cuda>(fisheye_rig(), crowded(20), permissive(), 5); }
+TEST_CASE("given matches of keypoints in different groups") { check_given_matches_of_other_groups<cuda>(); }
 TEST_CASE("distances of floats") {
   auto options = permissive();
   options.max_distance = 1.5;

@@ -8,6 +8,7 @@
 
 #include <atomic>
 
+#include "../keyframe_large_cases.hpp"
 #include "../keyframe_paging_cases.hpp"
 
 namespace {
@@ -21,6 +22,7 @@ TEST_CASE("keyframes of 1200 keypoints") { check_realistic<cuda>(); }
 TEST_CASE("stale handles are refused and nothing is pinned") { check_stale_handles<cuda>(); }
 TEST_CASE("an erased keyframe stays until its readers are done") { check_deferred_reclamation<cuda>(); }
 TEST_CASE("beyond the budget the least recently used are paged out") { check_paging<cuda>(); }
+TEST_CASE("a keyframe larger than a chunk takes the place of many") { check_large_keyframe<cuda>(); }
 TEST_CASE("a failing allocation leaves the store as it was") { check_failing_allocations<cuda>(); }
 TEST_CASE("random operations") { check_random_operations<cuda>(5000); }
 

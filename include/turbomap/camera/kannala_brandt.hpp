@@ -44,14 +44,24 @@ struct kannala_brandt {
     }
     const detail::radial_polynomial<S> d = polynomial<S>();
     const S theta_d = sqrt(r2), pi(3.14159265358979323846), tolerance(64 * detail::epsilon<S>::value);
-    S theta = d.solve(theta_d, pi);
-    const S fold = d.first_fold(theta * theta);
-    if (fold > S(0)) theta = d.solve(theta_d, sqrt(fold));  // the solution before the fold, if there is one
-    const S error = theta * d.factor(theta * theta) - theta_d;
-    if (!(error <= tolerance * theta_d && -error <= tolerance * theta_d)) return false;
+    // Two steps from a good guess are enough nearly everywhere; what they do not find is searched for.
+    S theta = d.guess(theta_d);
+    bool found = false;
+    for (int i = 0; i < 3 && !found; ++i) {
+      theta = d.improved(theta, theta_d);
+      found = d.solved(theta, theta_d, pi, S(4 * detail::epsilon<S>::value));
+    }
+    if (!found) {
+      theta = d.solve(theta_d, pi);
+      const S fold = d.first_fold(theta * theta);
+      if (fold > S(0)) theta = d.solve(theta_d, sqrt(fold));  // the solution before the fold, if there is one
+      const S error = theta * d.factor(theta * theta) - theta_d;
+      if (!(error <= tolerance * theta_d && -error <= tolerance * theta_d)) return false;
+    }
     S sine, cosine;
     sin_cos(theta, sine, cosine);
-    bearing = {sine * (mx / theta_d), sine * (my / theta_d), cosine};
+    const S scale = sine / theta_d;
+    bearing = {scale * mx, scale * my, cosine};
     return true;
   }
 

@@ -6,6 +6,7 @@
 /// Map points from matches, decoupled from the search: it reads the result where the search left it, and gives a plan.
 
 #include <cstdint>
+#include <sstream>
 #include <type_traits>
 #include <vector>
 
@@ -189,7 +190,8 @@ class point_creation {
 /// cameras, reprojects into both, and whose distances agree with the octaves. Decisions are equal on every policy.
 /// \param matches  a search of this context; its keyframes must still be there
 /// \param result   overwritten. Under CUDA the work may still be running on return
-/// \throws std::invalid_argument  an option is not finite or out of range
+/// \throws std::invalid_argument  an option is not finite or out of range, or the scale factor is not that of the
+/// search
 template <class Descriptor, class Camera, class Policy>
 void create_points(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches,
                    const creation_options& options, point_creation<Policy>& result) {
@@ -207,6 +209,13 @@ void create_points(context<Policy>& ctx, const correspondences<Descriptor, Camer
   require(options.max_distance >= 0 && finite(options.max_distance), "options.max_distance", options.max_distance,
           "must be finite and not negative");
   const auto& search = matches.view();
+  const float searched = search.options.scales.scale_factor;
+  if (options.scales.scale_factor != searched) {  // octaves would be compared by two rules
+    std::ostringstream rule;
+    rule.precision(9);
+    rule << "must be that of the search, " << searched;
+    reject("options.scales.scale_factor", options.scales.scale_factor, rule.str().c_str());
+  }
   const int count = search.neighbour_count * search.slot_count;
   result.points_.resize_discard(static_cast<std::size_t>(count));
   // The plan fetches all slots from a device in one copy: none may be left unwritten.

@@ -3,12 +3,11 @@
 #pragma once
 
 /// \file
-/// What a correspondence search takes and gives, as plain data: options, input keyframes, the plan.
+/// What a correspondence search takes and gives, as plain data: options and the plan.
 
 #include <cstdint>
 
-#include "../span.hpp"
-#include "../store/keyframe_view.hpp"
+#include "../store/posed_keyframe.hpp"
 #include "../types.hpp"
 
 namespace turbomap {
@@ -38,15 +37,6 @@ struct search_options {
   double line_chi2 = 3.84;           ///< gate of (distance to the epipolar line)^2 / sigma2: 95 %, 1 dof
   double reprojection_chi2 = 5.991;  ///< gate of reprojection error^2 / sigma2 (curved images): 95 %, 2 dof
   double max_parallax_cosine = 0.9998;  ///< curved images: rays closer to parallel are no match
-};
-
-/// A keyframe as one call sees it: the immutable view, and what changes.
-template <class Descriptor, class Camera>
-struct posed_keyframe {
-  keyframe_view<Descriptor, Camera> view;
-  rigid_transform<double> T_cw;  ///< world to camera (to body for a rig with T_camera_body)
-  span<const std::uint8_t> has_point =
-      {};  ///< host memory, one byte a keypoint, not 0: holds a map point. Empty: none does
 };
 
 /// One match: keypoint `query` of the query keyframe and keypoint `candidate` of neighbour number `neighbour`.

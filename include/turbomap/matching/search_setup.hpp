@@ -10,13 +10,16 @@
 #include <cstdint>
 #include <cstring>
 #include <string>
+#include <type_traits>
 #include <utility>
 
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../descriptor/descriptor_concept.hpp"
 #include "../error.hpp"
+#include "../map/scale_table.hpp"
 #include "../math/functions.hpp"
+#include "../store/keyframe_validation.hpp"
 #include "correspondences.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -77,8 +80,8 @@ class search_setup {
     const std::size_t candidate_offset_at = place(sizeof(std::int32_t) * (1 + neighbours.size()));
     const std::size_t candidates_at = place(sizeof(std::int32_t) * static_cast<std::size_t>(candidate_count));
     const std::size_t queries_at = place(sizeof(std::int32_t) * static_cast<std::size_t>(slots));
-    const std::size_t scale_at = place(sizeof(float) * 256);
-    const std::size_t sigma2_at = place(sizeof(float) * 256);
+    const std::size_t scale_at = place(sizeof(float) * scale_table_size);
+    const std::size_t sigma2_at = place(sizeof(float) * scale_table_size);
     const std::size_t mask_at = place(static_cast<std::size_t>(mask_bytes));
 
     result_.clear();  // from here on memory may run out, and the arrays of the last result are being replaced
@@ -184,6 +187,8 @@ class search_setup {
     if (k.view.keypoint_count > 0 && (k.view.pixel == nullptr || k.view.bearing == nullptr ||
                                       k.view.octave == nullptr || k.view.descriptor == nullptr))
       reject((argument + ".view").c_str(), "null", "pixel, bearing, octave and descriptor are needed");
+    if constexpr (std::is_same_v<memory_of_t<Policy>, host_memory>)  // a device's views cannot be read here
+      require_cameras(k.view, (argument + ".view").c_str());
   }
 
   static std::int64_t unmapped(const posed& k) {
@@ -197,16 +202,6 @@ class search_setup {
     for (std::int32_t i = 0; i < k.view.keypoint_count; ++i)
       if (k.has_point.empty() || k.has_point[static_cast<std::size_t>(i)] == 0) list[count++] = i;
     return count;
-  }
-
-  /// In float and level by level, as [ORB-SLAM3] does: the tables decide, so they must be the recorded ones.
-  static void fill_scales(const pyramid& p, float* scale, float* sigma2) {
-    float s = 1;
-    for (int o = 0; o < 256; ++o) {
-      scale[o] = s;
-      sigma2[o] = s * s;
-      s *= p.scale_factor;
-    }
   }
 
   context<Policy>& ctx_;

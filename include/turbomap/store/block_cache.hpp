@@ -6,6 +6,7 @@
 /// Blocks of bytes by slot, resident in the memory of a policy or paged out to the host: the least recently used go
 /// first, those pinned never. Every operation does all of its work or leaves everything as it was.
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <memory_resource>
@@ -15,7 +16,9 @@
 #include "../error.hpp"
 #include "../span.hpp"
 #include "chunk_allocator.hpp"
+#include "keyframe_store_options.hpp"
 #include "memory_space.hpp"
+#include "use_order.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -59,18 +62,18 @@ class block_cache {
       page_in();
     }
     for (const std::uint32_t slot : slots)
-      if (entries_[slot].pins++ == 0) unlink(slot);
+      if (entries_[slot].pins++ == 0) unpinned_.remove(slot);
   }
 
   /// Takes one pin away; the last one makes the block the most recently used.
   void unpin(std::uint32_t slot) noexcept {
-    if (--entries_[slot].pins == 0) link_last(slot);
+    if (--entries_[slot].pins == 0) unpinned_.append(slot);
   }
 
   /// Frees the block of a slot that is not pinned.
   void remove(std::uint32_t slot) noexcept {
     entry& e = entries_[slot];
-    if (e.resident) unlink(slot);
+    if (e.resident) unpinned_.remove(slot);
     allocator_of(e).deallocate(e.block);
     allocator_of(e).release_empty(1);
     e = entry{};
@@ -80,21 +83,26 @@ class block_cache {
   bool resident(std::uint32_t slot) const { return entries_[slot].resident; }
   std::byte* data(std::uint32_t slot) const { return entries_[slot].block.data; }
 
-  const chunk_allocator& resident_memory() const { return resident_; }
-  const chunk_allocator& paged_memory() const { return paged_; }
-  std::uint64_t page_ins() const { return page_ins_; }
-  std::uint64_t page_outs() const { return page_outs_; }
+  /// Writes the counts of blocks, bytes and pages.
+  void count(keyframe_store_statistics& s) const {
+    s.resident_blocks = resident_.block_count();
+    s.paged_blocks = paged_.block_count();
+    s.resident_bytes = resident_.used_bytes();
+    s.paged_bytes = paged_.used_bytes();
+    s.chunk_bytes = resident_.reserved_bytes();
+    s.peak_chunk_bytes = resident_.peak_bytes();
+    s.paging_chunk_bytes = paged_.reserved_bytes();
+    s.page_ins = page_ins_;
+    s.page_outs = page_outs_;
+  }
 
  private:
-  static constexpr std::uint32_t none = 0xFFFFFFFFu;
-
   struct entry {
     chunk_block block;
     std::size_t used = 0;  // bytes of the block that the keyframe fills: the rest is never written, and never copied
     bool resident = false;
     std::uint32_t pins = 0;
-    std::uint32_t previous = none, next = none;  // among the resident blocks without pins, least recently used first
-    std::uint64_t mark = 0;                      // the call that named it last
+    std::uint64_t mark = 0;  // the call that named it last
   };
   struct request {
     std::uint32_t slot;
@@ -104,12 +112,15 @@ class block_cache {
   struct victim {
     std::uint32_t slot;
     chunk_block paged;
+    bool saved = false;     // copied to `paged`
+    bool homeless = false;  // and its chunk returned
   };
 
   chunk_allocator& allocator_of(const entry& e) { return e.resident ? resident_ : paged_; }
 
   void grow_tables(std::uint32_t slot) {
     if (entries_.size() <= slot) entries_.resize(std::size_t{slot} + 1);
+    unpinned_.grow(entries_.size());
     if (victims_.capacity() < entries_.size()) victims_.reserve(entries_.capacity());
     if (requests_.capacity() < entries_.size()) requests_.reserve(entries_.capacity());
   }
@@ -118,43 +129,89 @@ class block_cache {
   void make_room() {
     const std::size_t empty_resident = resident_.empty_chunks(), empty_paged = paged_.empty_chunks();
     victims_.clear();
+    // The largest first: a small one in a chunk of its own would keep that chunk from making room for a large one.
+    std::sort(requests_.begin(), requests_.end(), [](const request& a, const request& b) {
+      return a.bytes != b.bytes ? a.bytes > b.bytes : a.slot < b.slot;
+    });
     try {
-      std::uint32_t candidate = first_;
+      std::uint32_t candidate = unpinned_.first();
       bool refused = false;  // the resource said no: asking again costs time and gives nothing
       for (request& r : requests_) {
         while (!(r.block = resident_.try_allocate(r.bytes))) {
-          const auto growth = refused ? chunk_allocator::growth::refused : resident_.try_grow(r.bytes);
+          auto growth = refused ? chunk_allocator::growth::refused : resident_.try_grow(r.bytes);
+          if (growth != chunk_allocator::growth::done && resident_.empty_chunks_suffice(r.bytes, refused)) {
+            give_up_empty_chunks();
+            growth = resident_.try_grow(r.bytes);
+          }
           if (growth == chunk_allocator::growth::done) continue;
           refused = growth == chunk_allocator::growth::refused;
-          while (candidate != none && entries_[candidate].mark == mark_) candidate = entries_[candidate].next;
-          if (candidate == none) throw out_of_memory("keyframe store", r.bytes);
+          while (candidate != use_order::none && entries_[candidate].mark == mark_)
+            candidate = unpinned_.next(candidate);
+          if (candidate == use_order::none) throw out_of_memory("keyframe store", r.bytes);
           const chunk_block& block = entries_[candidate].block;
           victims_.push_back({candidate, paged_.allocate(block.bytes)});
           resident_.deallocate(block);
-          candidate = entries_[candidate].next;
+          candidate = unpinned_.next(candidate);
         }
       }
-      for (const victim& v : victims_) {
-        const chunk_block& block = entries_[v.slot].block;  // given back, but nothing has been written to it yet
-        lane_.download(v.paged.data, block.data, entries_[v.slot].used);
-      }
-      lane_.wait();
+      save_victims();
     } catch (...) {
-      give_back_requests();
-      for (auto v = victims_.rbegin(); v != victims_.rend(); ++v) {
-        resident_.claim(entries_[v->slot].block);
-        paged_.deallocate(v->paged);
-      }
-      resident_.release_empty(empty_resident);
-      paged_.release_empty(empty_paged);
+      undo(empty_resident, empty_paged);
       throw;
     }
-    for (const victim& v : victims_) {
-      unlink(v.slot);
-      entries_[v.slot].block = v.paged;
-      entries_[v.slot].resident = false;
-      ++page_outs_;
+    for (const victim& v : victims_) settle_paged(v);
+  }
+
+  /// Copies the victims out. Their blocks were given back, but nothing has been written there yet.
+  void save_victims() {
+    for (const victim& v : victims_)
+      if (!v.saved) lane_.download(v.paged.data, entries_[v.slot].block.data, entries_[v.slot].used);
+    lane_.wait();
+    for (victim& v : victims_) v.saved = true;
+  }
+  /// Returns the empty chunks, in which victims lie, so that a larger one may take their place.
+  void give_up_empty_chunks() {
+    save_victims();
+    for (victim& v : victims_) v.homeless = v.homeless || resident_.in_empty_chunk(entries_[v.slot].block);
+    resident_.release_empty(0);
+  }
+  void settle_paged(const victim& v) noexcept {
+    unpinned_.remove(v.slot);
+    entries_[v.slot].block = v.paged;
+    entries_[v.slot].resident = false;
+    ++page_outs_;
+  }
+
+  /// Back to where make_room() began. A victim whose chunk was returned finds another one; it stays paged out only if
+  /// the resource does not give again what it has just taken back.
+  void undo(std::size_t empty_resident, std::size_t empty_paged) noexcept {
+    give_back_requests();
+    bool moved = false;
+    for (auto v = victims_.rbegin(); v != victims_.rend(); ++v) {
+      moved = moved || v->homeless;
+      if (v->homeless) continue;
+      resident_.claim(entries_[v->slot].block);
+      paged_.deallocate(v->paged);
     }
+    resident_.release_empty(moved ? 0 : empty_resident);
+    for (const victim& v : victims_)
+      if (v.homeless && !bring_back(v)) settle_paged(v);
+    paged_.release_empty(empty_paged);
+  }
+  bool bring_back(const victim& v) noexcept {
+    entry& e = entries_[v.slot];
+    try {
+      e.block = v.paged;  // what stays if nothing better is found
+      const chunk_block found = resident_.allocate(v.paged.bytes);
+      e.block = found;
+      lane_.upload(found.data, v.paged.data, e.used);
+      lane_.wait();
+    } catch (...) {
+      if (e.block.data != v.paged.data) resident_.deallocate(e.block);
+      return false;
+    }
+    paged_.deallocate(v.paged);
+    return true;
   }
 
   void page_in() {
@@ -169,7 +226,7 @@ class block_cache {
       paged_.deallocate(entries_[r.slot].block);
       entries_[r.slot].block = r.block;
       entries_[r.slot].resident = true;
-      link_last(r.slot);
+      unpinned_.append(r.slot);
       ++page_ins_;
     }
     paged_.release_empty(1);
@@ -180,25 +237,12 @@ class block_cache {
       if (r->block) resident_.deallocate(r->block);
   }
 
-  void link_last(std::uint32_t slot) noexcept {
-    entries_[slot].previous = last_;
-    entries_[slot].next = none;
-    (last_ == none ? first_ : entries_[last_].next) = slot;
-    last_ = slot;
-  }
-  void unlink(std::uint32_t slot) noexcept {
-    entry& e = entries_[slot];
-    (e.previous == none ? first_ : entries_[e.previous].next) = e.next;
-    (e.next == none ? last_ : entries_[e.next].previous) = e.previous;
-    e.previous = e.next = none;
-  }
-
   transfer_lane<Memory> lane_;
   chunk_allocator resident_, paged_;
   std::vector<entry> entries_;
   std::vector<request> requests_;
   std::vector<victim> victims_;
-  std::uint32_t first_ = none, last_ = none;
+  use_order unpinned_;  // the resident blocks without pins
   std::uint64_t mark_ = 0, page_ins_ = 0, page_outs_ = 0;
 };
 

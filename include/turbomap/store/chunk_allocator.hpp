@@ -12,61 +12,15 @@
 #include <memory>
 #include <memory_resource>
 #include <new>
-#include <set>
-#include <tuple>
 #include <utility>
 #include <vector>
 
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../memory.hpp"
+#include "chunk_range.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
-
-namespace detail {
-struct chunk;
-struct chunk_range;
-
-/// Orders ranges by size, then by age of the chunk, then by address: the first that is not smaller is the best fit.
-struct chunk_range_less {
-  using is_transparent = void;
-  inline bool operator()(const chunk_range* a, const chunk_range* b) const;
-  inline bool operator()(const chunk_range* a, std::size_t bytes) const;
-};
-using chunk_range_set = std::set<chunk_range*, chunk_range_less>;
-
-/// A piece of a chunk, free or not. Its node of the set of free ranges is kept here while it is not in the set, so that
-/// giving memory back never allocates and never throws.
-struct chunk_range {
-  chunk* owner = nullptr;
-  std::size_t offset = 0, bytes = 0;
-  bool free = false;
-  std::list<chunk_range>::iterator self;
-  chunk_range_set::node_type node;
-};
-
-struct chunk {
-  std::byte* data;
-  std::size_t bytes;
-  std::size_t number;             ///< ascending by age
-  std::size_t blocks = 0;         ///< handed out
-  std::list<chunk_range> ranges;  ///< by address, without gaps
-};
-
-bool chunk_range_less::operator()(const chunk_range* a, const chunk_range* b) const {
-  return std::tie(a->bytes, a->owner->number, a->offset) < std::tie(b->bytes, b->owner->number, b->offset);
-}
-bool chunk_range_less::operator()(const chunk_range* a, std::size_t bytes) const { return a->bytes < bytes; }
-}  // namespace detail
-
-/// A block that chunk_allocator handed out.
-struct chunk_block {
-  std::byte* data = nullptr;             ///< null: no block
-  std::size_t bytes = 0;                 ///< a multiple of chunk_allocator::alignment
-  detail::chunk_range* range = nullptr;  ///< the allocator's own
-  detail::chunk* owner = nullptr;        ///< the allocator's own
-  explicit operator bool() const { return data != nullptr; }
-};
 
 /// Best fit with coalescing, O(log n) in the number of free ranges. Grows by whole chunks, within a limit. Not thread
 /// safe.
@@ -178,6 +132,16 @@ class chunk_allocator {
       chunks_.erase(chunks_.end() - 1 - static_cast<std::ptrdiff_t>(i));
     }
   }
+
+  /// Whether a chunk for `bytes` can take the place of the empty ones: within the limit; when the resource has
+  /// `refused` more, for no more than it gets back.
+  bool empty_chunks_suffice(std::size_t bytes, bool refused) const {
+    std::size_t empty = 0;
+    for (const auto& c : chunks_) empty += c->blocks == 0 ? c->bytes : 0;
+    return empty > 0 && (refused ? 0 : limit_ - reserved_bytes_) + empty >= align_up(bytes, alignment);
+  }
+  /// Whether nothing else is in the chunk of a block that was given back.
+  bool in_empty_chunk(const chunk_block& block) const { return block.owner->blocks == 0; }
 
   std::size_t reserved_bytes() const { return reserved_bytes_; }  ///< in all chunks
   std::size_t peak_bytes() const { return peak_bytes_; }          ///< the most ever reserved

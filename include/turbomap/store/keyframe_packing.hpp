@@ -26,9 +26,37 @@ TURBOMAP_BEGIN_NAMESPACE
 /// What one packing hands to the next: memory, and the measures of the cameras.
 struct keyframe_packing_scratch {
   std::vector<std::uint64_t> by_group;  ///< group << 32 | keypoint, ascending
+  std::vector<std::uint64_t> sorting;   ///< of by_group
+  std::vector<std::int32_t> cell;       ///< of each keypoint
   image_bounds image;                   ///< the bounds, widened to all keypoints
   measured_cameras cameras;
 };
+
+namespace detail {
+
+/// Sorts by the upper half, of which only the bytes that differ cost a pass; ascending lower halves stay in order.
+/// O(N).
+inline void sort_by_group(std::vector<std::uint64_t>& values, std::vector<std::uint64_t>& other) {
+  constexpr int digits = 4, radix = 256;
+  std::uint32_t starts[digits][radix] = {};
+  for (const std::uint64_t v : values)
+    for (int d = 0; d < digits; ++d) ++starts[d][v >> (32 + 8 * d) & (radix - 1)];
+  for (int d = 0; d < digits && !values.empty(); ++d) {
+    const int shift = 32 + 8 * d;
+    if (starts[d][values[0] >> shift & (radix - 1)] == values.size()) continue;  // all the same
+    std::uint32_t start = 0;
+    for (std::uint32_t& s : starts[d]) {
+      const std::uint32_t count = s;
+      s = start;
+      start += count;
+    }
+    other.resize(values.size());
+    for (const std::uint64_t v : values) other[starts[d][v >> shift & (radix - 1)]++] = v;
+    values.swap(other);
+  }
+}
+
+}  // namespace detail
 
 /// Validates a keyframe and lays it out. `scratch` is needed by pack(). Throws std::invalid_argument (see validate()).
 /// O(N + G log G) for G keypoints with a group.
@@ -62,7 +90,7 @@ keyframe_layout plan_packing(const keyframe_data<Descriptor, Camera>& data, cons
     if (k.group != keypoint::no_group)
       by_group.push_back(static_cast<std::uint64_t>(k.group) << 32 | static_cast<std::uint32_t>(i));
   }
-  std::sort(by_group.begin(), by_group.end());
+  detail::sort_by_group(by_group, scratch.sorting);
   layout.grouped_count = static_cast<int>(by_group.size());
   for (std::size_t i = 0; i < by_group.size(); ++i)
     layout.group_count += i == 0 || by_group[i] >> 32 != by_group[i - 1] >> 32 ? 1 : 0;
@@ -87,29 +115,30 @@ struct index_writer {
 
 /// Counting sort within the block itself: counts, then starts of cells, then each keypoint moves its cell's start on,
 /// which leaves the ends, which are the starts shifted by one.
-inline void pack_cells(const keyframe_layout& layout, const keypoint* keypoints, std::byte* block) {
-  const index_writer offsets{block + layout.cell_offsets, layout.wide};
-  const index_writer members{block + layout.cell_keypoints, layout.wide};
+template <class Index>
+void pack_cells(const keyframe_layout& layout, const keypoint* keypoints, std::vector<std::int32_t>& cell,
+                std::byte* block) {
+  Index* offsets = array_at<Index>(block, layout.cell_offsets);
+  Index* members = array_at<Index>(block, layout.cell_keypoints);
   const int cells = layout.cell_count();
-  std::memset(offsets.data, 0, (static_cast<std::size_t>(cells) + 1) * layout.index_bytes());
-  const auto cell = [&](int i) { return cell_of(layout, keypoints[i].x, keypoints[i].y, int{keypoints[i].camera}); };
-  for (int i = 0; i < layout.keypoint_count; ++i)
-    if (const int c = cell(i); c >= 0) offsets.set(c, offsets.get(c) + 1);
+  std::memset(offsets, 0, (static_cast<std::size_t>(cells) + 1) * sizeof(Index));
+  cell.resize(static_cast<std::size_t>(layout.keypoint_count));
+  std::int32_t* cell_of_keypoint = cell.data();
+  for (int i = 0; i < layout.keypoint_count; ++i) {
+    const std::int32_t c = cell_of(layout, keypoints[i].x, keypoints[i].y, int{keypoints[i].camera});
+    cell_of_keypoint[i] = c;
+    if (c >= 0) ++offsets[c];
+  }
   std::uint32_t start = 0;
   for (int c = 0; c <= cells; ++c) {
-    const std::uint32_t count = offsets.get(c);
-    offsets.set(c, start);
+    const std::uint32_t count = offsets[c];
+    offsets[c] = static_cast<Index>(start);
     start += count;
   }
-  for (int i = 0; i < layout.keypoint_count; ++i) {
-    const int c = cell(i);
-    if (c < 0) continue;
-    const std::uint32_t at = offsets.get(c);
-    members.set(at, static_cast<std::uint32_t>(i));
-    offsets.set(c, at + 1);
-  }
-  for (int c = cells; c > 0; --c) offsets.set(c, offsets.get(c - 1));
-  offsets.set(0, 0);
+  for (int i = 0; i < layout.keypoint_count; ++i)
+    if (const std::int32_t c = cell_of_keypoint[i]; c >= 0) members[offsets[c]++] = static_cast<Index>(i);
+  std::memmove(offsets + 1, offsets, static_cast<std::size_t>(cells) * sizeof(Index));
+  offsets[0] = 0;
 }
 
 inline void pack_groups(const keyframe_layout& layout, const std::vector<std::uint64_t>& by_group, std::byte* block) {
@@ -148,8 +177,8 @@ void pack_field(const keyframe_layout& layout, std::size_t offset, std::byte* bl
 
 /// Writes the packed form of `data` to host memory, `layout.bytes` long and aligned to block_alignment. `layout` and
 /// `scratch` come from plan_packing() of the same data. The bearing of a pixel that no ray reaches is (0, 0, 0).
-/// Cameras whose resolution is unknown are measured. Bytes between arrays are zero, so equal keyframes are equal
-/// blocks.
+/// Cameras whose resolution is unknown are measured, once for images of about one size (measured_cameras). Bytes
+/// between arrays are zero, so equal keyframes packed after the same ones are equal blocks.
 template <class Descriptor, class Camera>
 void pack(const keyframe_data<Descriptor, Camera>& data, const keyframe_layout& layout,
           keyframe_packing_scratch& scratch, std::byte* block) {
@@ -169,7 +198,12 @@ void pack(const keyframe_data<Descriptor, Camera>& data, const keyframe_layout& 
     std::memcpy(
         block + layout.descriptor, data.descriptors,
         static_cast<std::size_t>(layout.keypoint_count) * Descriptor::elements * sizeof(typename Descriptor::element));
-  if (layout.cell_count() > 0) detail::pack_cells(layout, k, block);
+  if (layout.cell_count() > 0) {
+    if (layout.wide)
+      detail::pack_cells<std::uint32_t>(layout, k, scratch.cell, block);
+    else
+      detail::pack_cells<std::uint16_t>(layout, k, scratch.cell, block);
+  }
   if (layout.group_count > 0) detail::pack_groups(layout, scratch.by_group, block);
   auto* cameras = detail::array_at<rig_camera<Camera>>(block, layout.cameras);
   for (std::size_t c = 0; c < static_cast<std::size_t>(layout.camera_count); ++c) {

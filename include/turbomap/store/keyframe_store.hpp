@@ -8,7 +8,7 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <list>
+#include <initializer_list>
 #include <mutex>
 #include <string>
 #include <type_traits>
@@ -27,6 +27,7 @@
 #include "keyframe_store_options.hpp"
 #include "keyframe_view.hpp"
 #include "memory_space.hpp"
+#include "pin_records.hpp"
 #include "pinned_keyframes.hpp"
 #include "slot_table.hpp"
 
@@ -58,9 +59,7 @@ class keyframe_store {
   keyframe_store(const keyframe_store&) = delete;
   keyframe_store& operator=(const keyframe_store&) = delete;
   /// Waits for the work that still reads its memory.
-  ~keyframe_store() {
-    for (auto& record : pending_) record.done.wait();
-  }
+  ~keyframe_store() { pins_.wait(); }
 
   /// Inserts one keyframe: one packed upload (a packed copy in host memory). Returns when the caller may change its
   /// arrays and any context may search it. Throws std::invalid_argument naming what is wrong with the data,
@@ -82,7 +81,7 @@ class keyframe_store {
   void erase(keyframe_handle handle) {
     const std::lock_guard<std::mutex> lock(mutex_);
     poll();
-    require_alive(handle, "handle");
+    slots_.require_alive(handle, "handle");
     slots_.retire(handle.slot);
     if (!blocks_.pinned(handle.slot)) reclaim(handle.slot);
   }
@@ -96,6 +95,11 @@ class keyframe_store {
     static_assert(std::is_same_v<decltype(order), const work_order<Memory>>,
                   "turbomap: this execution policy does not compute in the memory of this keyframe_store");
     return pin_behind(order, handles);
+  }
+  /// The same of a list: `pin(ctx, {a, b})`.
+  template <class Execution>
+  pinned_type pin(const Execution& execution, std::initializer_list<keyframe_handle> handles) {
+    return pin(execution, span<const keyframe_handle>(handles.begin(), handles.size()));
   }
 
   bool contains(keyframe_handle handle) const {
@@ -114,19 +118,10 @@ class keyframe_store {
     const std::lock_guard<std::mutex> lock(mutex_);
     poll();
     keyframe_store_statistics s;
-    const chunk_allocator &resident = blocks_.resident_memory(), &paged = blocks_.paged_memory();
     s.keyframes = slots_.alive_count();
-    s.resident_blocks = resident.block_count();
-    s.paged_blocks = paged.block_count();
-    s.resident_bytes = resident.used_bytes();
-    s.paged_bytes = paged.used_bytes();
-    s.chunk_bytes = resident.reserved_bytes();
-    s.peak_chunk_bytes = resident.peak_bytes();
-    s.paging_chunk_bytes = paged.reserved_bytes();
-    s.pinned_sets = active_.size() + pending_.size();
+    s.pinned_sets = pins_.count();
     s.uploads = uploads_;
-    s.page_ins = blocks_.page_ins();
-    s.page_outs = blocks_.page_outs();
+    blocks_.count(s);
     const std::size_t blocks = s.resident_blocks + s.paged_blocks;
     const auto bytes = static_cast<double>(s.resident_bytes + s.paged_bytes);
     s.bytes_per_keyframe = blocks == 0 ? 0 : bytes / static_cast<double>(blocks);
@@ -135,8 +130,7 @@ class keyframe_store {
 
  private:
   friend class pinned_keyframes<Descriptor, Camera, Memory>;
-  using record_type = detail::pin_record<Descriptor, Camera, Memory>;
-  using record_iterator = typename std::list<record_type>::iterator;
+  using record_iterator = typename pin_records<Descriptor, Camera, Memory>::iterator;
   using loan = typename insertion_lanes<Descriptor, Camera, Memory>::loan;
 
   /// A slot with a block that nobody else sees yet; undone unless published.
@@ -194,26 +188,22 @@ class keyframe_store {
     const std::lock_guard<std::mutex> lock(mutex_);
     poll();
     for (std::size_t i = 0; i < handles.size(); ++i)
-      if (!slots_.alive(handles[i])) require_alive(handles[i], ("handles[" + std::to_string(i) + "]").c_str());
-    if (idle_.empty()) idle_.emplace_back();
-    const record_iterator record = idle_.begin();
-    record->slots.resize(handles.size());
-    record->views.resize(handles.size());
+      if (!slots_.alive(handles[i])) slots_.require_alive(handles[i], ("handles[" + std::to_string(i) + "]").c_str());
+    const record_iterator record = pins_.idle(handles.size());
     for (std::size_t i = 0; i < handles.size(); ++i) record->slots[i] = handles[i].slot;
     waiting_for_room([&] { blocks_.pin(record->slots); });
     for (std::size_t i = 0; i < handles.size(); ++i) {
       const std::uint32_t slot = handles[i].slot;
       record->views[i] = view_at<Descriptor, Camera>(layouts_[slot], blocks_.data(slot));
     }
-    active_.splice(active_.end(), idle_, record);
+    pins_.hold(record);
     return pinned_type(this, record, order);
   }
 
   void release(record_iterator record, work_order<Memory> order) noexcept {
     record->done.record(order);
     const std::lock_guard<std::mutex> lock(mutex_);
-    pending_.splice(pending_.end(), active_, record);
-    if (record->done.passed()) finish(record);
+    pins_.give_up(record, [this](std::uint32_t slot) { unpin(slot); });
   }
 
   // What follows is called under the lock.
@@ -225,22 +215,14 @@ class keyframe_store {
       try {
         return attempt();
       } catch (const out_of_memory&) {
-        if (pending_.empty()) throw;
+        if (!pins_.any_given_up()) throw;
       }
-      pending_.front().done.wait();
-      finish(pending_.begin());
+      pins_.finish_oldest([this](std::uint32_t slot) { unpin(slot); });
     }
   }
   /// Releases the pins whose work is done.
   void poll() noexcept {
-    for (auto record = pending_.begin(); record != pending_.end();) {
-      const auto current = record++;
-      if (current->done.passed()) finish(current);
-    }
-  }
-  void finish(record_iterator record) noexcept {
-    for (const std::uint32_t slot : record->slots) unpin(slot);
-    idle_.splice(idle_.begin(), pending_, record);
+    pins_.finish_passed([this](std::uint32_t slot) { unpin(slot); });
   }
   void unpin(std::uint32_t slot) noexcept {
     blocks_.unpin(slot);
@@ -250,19 +232,13 @@ class keyframe_store {
     blocks_.remove(slot);
     slots_.recycle(slot);
   }
-  void require_alive(keyframe_handle handle, const char* argument) const {
-    if (slots_.alive(handle)) return;
-    throw stale_handle(std::string("turbomap: ") + argument + " = {slot " + std::to_string(handle.slot) +
-                       ", generation " + std::to_string(handle.generation) +
-                       "}: no such keyframe: it was erased, or is of another store");
-  }
 
   keyframe_store_options options_;
   mutable std::mutex mutex_;
   slot_table slots_;
   block_cache<Memory> blocks_;
   std::vector<keyframe_layout> layouts_;  // by slot
-  std::list<record_type> active_, pending_, idle_;
+  pin_records<Descriptor, Camera, Memory> pins_;
   insertion_lanes<Descriptor, Camera, Memory> lanes_;
   std::uint64_t uploads_ = 0;
 };

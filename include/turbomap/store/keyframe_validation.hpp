@@ -6,6 +6,8 @@
 /// Everything that can be wrong with a keyframe is found here, before any memory is asked for.
 
 #include <cstddef>
+#include <cstdint>
+#include <initializer_list>
 #include <string>
 
 #include "../camera/rig.hpp"
@@ -36,6 +38,14 @@ void require_keypoint(bool holds, int index, const char* field, const Value& val
   if (!holds) reject(("keypoints[" + std::to_string(index) + "]." + field).c_str(), value, rule);
 }
 
+/// All of it in one branch: this runs over every keypoint.
+inline bool is_valid(const keypoint& k, int levels, int cameras) {
+  int wrong = k.octave < levels ? 0 : 1;
+  wrong += k.camera < cameras ? 0 : 1;
+  for (const float value : {k.x, k.y, k.angle, k.u_right, k.depth}) wrong += is_finite(value) ? 0 : 1;
+  return wrong == 0;
+}
+/// Throws naming the first thing that is wrong with keypoint `i`.
 inline void validate_keypoint(const keypoint& k, int i, int levels, int cameras) {
   require_keypoint(is_finite(k.x), i, "x", k.x, "must be finite");
   require_keypoint(is_finite(k.y), i, "y", k.y, "must be finite");
@@ -46,6 +56,19 @@ inline void validate_keypoint(const keypoint& k, int i, int levels, int cameras)
   require_keypoint(k.camera < cameras, i, "camera", int{k.camera}, "must be below the number of cameras");
 }
 }  // namespace detail
+
+/// Throws std::invalid_argument when a keypoint of a view in host memory names a camera that the rig does not have: a
+/// view of the store cannot, one that a user made himself may. A view in device memory cannot be looked at here; there
+/// such a camera is read out of bounds. O(N), a byte each.
+/// \param argument  what the view is called in the message
+template <class Descriptor, class Camera>
+void require_cameras(const keyframe_view<Descriptor, Camera>& view, const char* argument) {
+  if (view.camera == nullptr) return;
+  std::uint8_t most = 0;
+  for (int i = 0; i < view.keypoint_count; ++i) most = view.camera[i] > most ? view.camera[i] : most;
+  if (view.keypoint_count > 0 && most >= view.camera_count)
+    reject((std::string(argument) + ".camera").c_str(), int{most}, "must be below the number of cameras");
+}
 
 /// Throws std::invalid_argument naming argument, index and value when the keyframe cannot be stored: missing arrays, no
 /// or impossible cameras, keypoints that are not finite, octaves or cameras out of range, empty image bounds. No
@@ -60,7 +83,8 @@ void validate(const keyframe_data<Descriptor, Camera>& data, const keyframe_pack
   require(data.cameras != nullptr, "cameras", "null", "there are cameras to read");
   validate_rig(rig_view<Camera>{data.cameras, data.camera_count});
   for (int i = 0; i < data.keypoint_count; ++i)
-    detail::validate_keypoint(data.keypoints[i], i, options.pyramid.levels, data.camera_count);
+    if (!detail::is_valid(data.keypoints[i], options.pyramid.levels, data.camera_count))
+      detail::validate_keypoint(data.keypoints[i], i, options.pyramid.levels, data.camera_count);
   const image_bounds& b = data.bounds;
   using detail::is_finite;
   if (data.keypoint_count > 0) {

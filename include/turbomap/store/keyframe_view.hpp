@@ -57,7 +57,7 @@ struct keyframe_view {
   const vec2<float>* pixel = nullptr;    ///< N; undistorted (pinhole) or raw (any other model), px
   const vec3<float>* bearing = nullptr;  ///< N; unit rays in the frame of the camera that saw the keypoint
   const std::uint8_t* octave = nullptr;  ///< N; pyramid level
-  const std::uint8_t* camera = nullptr;  ///< N; camera of the rig; null: all in camera 0
+  const std::uint8_t* camera = nullptr;  ///< N; camera of the rig, below camera_count; null: all in 0
   const float* angle = nullptr;          ///< N; degrees; null: unknown (rotation filter refuses)
   const float* u_right = nullptr;        ///< N; px, < 0 none; null: none at all
   const float* depth = nullptr;          ///< N; m, < 0 unknown; null: all unknown

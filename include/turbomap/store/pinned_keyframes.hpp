@@ -5,15 +5,13 @@
 /// \file
 /// Keyframes that a call is reading: they stay where they are until its work is done.
 
-#include <cstdint>
-#include <list>
 #include <utility>
-#include <vector>
 
 #include "../config.hpp"
 #include "../span.hpp"
 #include "keyframe_view.hpp"
 #include "memory_space.hpp"
+#include "pin_records.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -23,14 +21,6 @@ template <class Descriptor, class Camera, class Memory>
 class keyframe_store;
 
 namespace detail {
-
-/// What the store remembers of one pin; used again, so that pinning allocates nothing in the steady state.
-template <class Descriptor, class Camera, class Memory>
-struct pin_record {
-  std::vector<std::uint32_t> slots;
-  std::vector<keyframe_view<Descriptor, Camera>> views;
-  fence<Memory> done;
-};
 
 /// The policy of a context, or the policy itself.
 template <class Policy>
@@ -80,7 +70,7 @@ class pinned_keyframes {
  private:
   friend class keyframe_store<Descriptor, Camera, Memory>;
   using store_type = keyframe_store<Descriptor, Camera, Memory>;
-  using record_iterator = typename std::list<detail::pin_record<Descriptor, Camera, Memory>>::iterator;
+  using record_iterator = typename pin_records<Descriptor, Camera, Memory>::iterator;
 
   pinned_keyframes(store_type* store, record_iterator record, work_order<Memory> order)
       : store_(store), record_(record), order_(order) {}

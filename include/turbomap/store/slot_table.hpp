@@ -8,9 +8,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <string>
 #include <vector>
 
 #include "../config.hpp"
+#include "../error.hpp"
 #include "keyframe_handle.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -57,6 +59,13 @@ class slot_table {
            slots_[handle.slot].generation == handle.generation;
   }
   bool alive(std::uint32_t slot) const { return slots_[slot].alive; }
+  /// Throws stale_handle naming the argument, slot and generation.
+  void require_alive(keyframe_handle handle, const char* argument) const {
+    if (alive(handle)) return;
+    throw stale_handle(std::string("turbomap: ") + argument + " = {slot " + std::to_string(handle.slot) +
+                       ", generation " + std::to_string(handle.generation) +
+                       "}: no such keyframe: it was erased, or is of another store");
+  }
   std::size_t alive_count() const { return alive_; }
   std::size_t slot_count() const { return slots_.size(); }
 

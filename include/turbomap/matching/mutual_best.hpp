@@ -1,0 +1,117 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The filter of one-sided matches.
+
+#include <cstdint>
+#include <type_traits>
+
+#include "../config.hpp"
+#include "../context.hpp"
+#include "apply_filter.hpp"
+#include "exhaustive_search.hpp"
+#include "filter_windows.hpp"
+#include "group_lookup.hpp"
+
+namespace turbomap {
+
+/// Keeps a match if no other query keypoint that passes the epipolar test is nearer to the candidate (equal: the lower index).
+struct mutual_best {};
+
+}  // namespace turbomap
+
+TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+
+/// One match against other query keypoints.
+template <class Descriptor, class Camera>
+struct mutual_comparison {
+  using distance_type = typename Descriptor::distance_type;
+
+  const search_view<Descriptor, Camera>& search;
+  int n;
+  std::int32_t query, match;
+  distance_type distance;
+
+  TURBOMAP_HD mutual_comparison(const search_view<Descriptor, Camera>& s, int i)
+      : search(s),
+        n(i / s.slot_count),
+        query(s.queries[i % s.slot_count]),
+        match(s.match[i]),
+        distance(s.distance[i]) {}
+
+  /// Whether a query keypoint suits the candidate better.
+  TURBOMAP_HD bool nearer(std::int32_t q) const {
+    const auto other = Descriptor::distance(search.query().descriptor_of(q), search.neighbour(n).descriptor_of(match));
+    if (q == query || !(other < distance || (other == distance && q < query))) return false;
+    return candidate_scan<Descriptor, Camera>(search, n, q).consistent(match);
+  }
+};
+
+/// Against all query keypoints.
+struct keep_mutual {
+  template <class Descriptor, class Camera>
+  TURBOMAP_HD bool keep(const search_view<Descriptor, Camera>& search, int i) const {
+    const mutual_comparison<Descriptor, Camera> comparison(search, i);
+    for (int k = 0; k < search.slot_count; ++k)
+      if (comparison.nearer(search.queries[k])) return false;
+    return true;
+  }
+};
+/// Against those of the candidate's group.
+struct keep_mutual_in_group {
+  group_lookup lookup;
+
+  template <class Descriptor, class Camera>
+  TURBOMAP_HD bool keep(const search_view<Descriptor, Camera>& search, int i) const {
+    const mutual_comparison<Descriptor, Camera> comparison(search, i);
+    const std::uint32_t id = lookup.neighbour[search.has_point_offset[comparison.n] + comparison.match];
+    const auto& groups = search.query().groups;
+    const int g = id == keypoint::no_group ? -1 : find_group(groups, id);
+    if (g < 0) return true;  // a given match of keypoints without a group
+    for (std::uint32_t k = groups.offsets[static_cast<std::size_t>(g)];
+         k < groups.offsets[static_cast<std::size_t>(g) + 1]; ++k) {
+      const auto q = static_cast<std::int32_t>(groups.keypoints[k]);
+      if (q < lookup.query_size && lookup.query[q] == id && comparison.nearer(q)) return false;
+    }
+    return true;
+  }
+};
+/// Against those near its epipolar curve.
+template <class Descriptor, class Camera>
+struct keep_mutual_in_window {
+  filter_windows<Descriptor, Camera, window_of::queries> windows;
+
+  bool keep_among(const search_view<Descriptor, Camera>& search, int i) const {
+    const mutual_comparison<Descriptor, Camera> comparison(search, i);
+    return !windows.any(comparison.n, comparison.match, [&comparison](std::int32_t q) { return comparison.nearer(q); });
+  }
+};
+
+}  // namespace detail
+
+/// Cost: O(matches x query keypoints), after an ordered search on the host a few percent of that, O(matches x group)
+/// after a grouped one.
+template <class Descriptor, class Camera, class Policy>
+void apply_filter(context<Policy>& ctx, correspondences<Descriptor, Camera, Policy>& matches, const mutual_best&) {
+  const auto& search = matches.view();
+  ctx.begin_call();
+  if (search.options.candidate_set == candidates::grouped) {
+    apply_filter(ctx, matches, detail::keep_mutual_in_group{look_up_groups(ctx, matches)});
+    return;
+  }
+  if constexpr (std::is_same_v<memory_of_t<Policy>, host_memory>) {
+    if (windows_pay(search)) {
+      using keep = detail::keep_mutual_in_window<Descriptor, Camera>;
+      for_each_index(ctx.policy(), search.neighbour_count * search.slot_count,
+                     detail::drop_matches_on_host<Descriptor, Camera, keep>{search, {{ctx, matches}}});
+      return;
+    }
+  }
+  apply_filter(ctx, matches, detail::keep_mutual{});
+}
+
+TURBOMAP_END_NAMESPACE

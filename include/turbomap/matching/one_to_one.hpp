@@ -1,0 +1,73 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The filter of claims: a neighbour keypoint is matched once.
+
+#include <cstdint>
+#include <cstring>
+
+#include "../atomic.hpp"
+#include "../config.hpp"
+#include "../context.hpp"
+#include "apply_filter.hpp"
+
+namespace turbomap {
+
+/// Keeps, of the matches that claim one neighbour keypoint, the one of least (distance, query keypoint).
+struct one_to_one {};
+
+}  // namespace turbomap
+
+TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+
+/// The best claim of every neighbour keypoint: distance in the upper half, slot in the lower.
+struct keep_winner {
+  std::uint64_t* claims;  ///< at has_point_offset[n] + keypoint
+
+  template <class Descriptor, class Camera>
+  TURBOMAP_HD static std::uint64_t claim(const search_view<Descriptor, Camera>& search, int i) {
+    // Distances are not negative, so the bits of a float are ordered like its value, and those of an int anyway.
+    static_assert(sizeof(typename Descriptor::distance_type) == 4,
+                  "turbomap: one_to_one needs a descriptor whose distance_type has 32 bits: float, std::int32_t...");
+    std::uint32_t bits = 0;
+    if (search.distance[i] != 0) std::memcpy(&bits, &search.distance[i], sizeof(bits));  // -0.0F is 0
+    return static_cast<std::uint64_t>(bits) << 32 | static_cast<std::uint32_t>(i % search.slot_count);
+  }
+  template <class Descriptor, class Camera>
+  TURBOMAP_HD std::uint64_t* cell(const search_view<Descriptor, Camera>& search, int i) const {
+    return claims + search.has_point_offset[i / search.slot_count] + search.match[i];
+  }
+  template <class Descriptor, class Camera>
+  TURBOMAP_HD bool keep(const search_view<Descriptor, Camera>& search, int i) const {
+    return *cell(search, i) == claim(search, i);
+  }
+};
+template <class Descriptor, class Camera>
+struct make_claims {
+  search_view<Descriptor, Camera> search;
+  keep_winner winner;
+
+  TURBOMAP_HD void operator()(int i) const {
+    if (search.match[i] != no_match) atomic_min(winner.cell(search, i), winner.claim(search, i));
+  }
+};
+
+}  // namespace detail
+
+template <class Descriptor, class Camera, class Policy>
+void apply_filter(context<Policy>& ctx, correspondences<Descriptor, Camera, Policy>& matches, const one_to_one&) {
+  const auto& search = matches.view();
+  const std::size_t keypoints = matches.neighbour_keypoint_count();
+  ctx.begin_call();
+  detail::keep_winner winner{ctx.template scratch<std::uint64_t>(keypoints)};
+  fill_bytes(ctx.policy(), winner.claims, 0xFF, keypoints * sizeof(std::uint64_t));
+  for_each_index(ctx.policy(), search.neighbour_count * search.slot_count,
+                 detail::make_claims<Descriptor, Camera>{search, winner});
+  apply_filter(ctx, matches, winner);
+}
+
+TURBOMAP_END_NAMESPACE

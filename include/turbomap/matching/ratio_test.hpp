@@ -1,0 +1,140 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The filter of ambiguous matches.
+
+#include <cstdint>
+#include <type_traits>
+
+#include "../config.hpp"
+#include "../context.hpp"
+#include "../error.hpp"
+#include "apply_filter.hpp"
+#include "exhaustive_search.hpp"
+#include "filter_windows.hpp"
+#include "group_lookup.hpp"
+
+namespace turbomap {
+
+/// Keeps a match if no other candidate that passes the epipolar test comes close: distance <= ratio x its distance (Lowe).
+struct ratio_test {
+  double ratio = 0.8;
+};
+
+}  // namespace turbomap
+
+TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+
+/// One match against other candidates.
+template <class Descriptor, class Camera>
+class ratio_comparison {
+ public:
+  TURBOMAP_HD ratio_comparison(const search_view<Descriptor, Camera>& search, int i, double ratio)
+      : search_(search),
+        n_(i / search.slot_count),
+        query_(search.queries[i % search.slot_count]),
+        match_(search.match[i]),
+        distance_(static_cast<double>(search.distance[i])),
+        ratio_(ratio),
+        scan_(search, n_, query_) {}
+
+  TURBOMAP_HD int neighbour() const { return n_; }
+  TURBOMAP_HD std::int32_t query() const { return query_; }
+  /// Whether a candidate makes the match ambiguous.
+  TURBOMAP_HD bool close(std::int32_t candidate) {
+    const double other = static_cast<double>(
+        Descriptor::distance(search_.query().descriptor_of(query_), search_.neighbour(n_).descriptor_of(candidate)));
+    return candidate != match_ && distance_ > ratio_ * other && scan_.consistent(candidate);
+  }
+
+ private:
+  const search_view<Descriptor, Camera>& search_;
+  int n_;
+  std::int32_t query_, match_;
+  double distance_, ratio_;
+  candidate_scan<Descriptor, Camera> scan_;
+};
+
+/// Against all candidates.
+struct keep_ratio {
+  double ratio;
+
+  template <class Descriptor, class Camera>
+  TURBOMAP_HD bool keep(const search_view<Descriptor, Camera>& search, int i) const {
+    ratio_comparison<Descriptor, Camera> comparison(search, i, ratio);
+    const int n = comparison.neighbour();
+    for (int k = search.candidate_offset[n]; k < search.candidate_offset[n + 1]; ++k)
+      if (comparison.close(search.candidates[k])) return false;
+    return true;
+  }
+};
+/// Against those of the query keypoint's group.
+struct keep_ratio_in_group {
+  double ratio;
+  group_lookup lookup;
+
+  template <class Descriptor, class Camera>
+  TURBOMAP_HD bool keep(const search_view<Descriptor, Camera>& search, int i) const {
+    ratio_comparison<Descriptor, Camera> comparison(search, i, ratio);
+    const std::uint32_t id = lookup.query[comparison.query()];
+    const auto& groups = search.neighbour(comparison.neighbour()).groups;
+    const int g = id == keypoint::no_group ? -1 : find_group(groups, id);
+    if (g < 0) return true;  // a given match of keypoints without a group
+    const std::uint8_t* has_point = search.has_point + search.has_point_offset[comparison.neighbour()];
+    for (std::uint32_t k = groups.offsets[static_cast<std::size_t>(g)];
+         k < groups.offsets[static_cast<std::size_t>(g) + 1]; ++k) {
+      const auto c = static_cast<std::int32_t>(groups.keypoints[k]);
+      if (has_point[c] == 0 && comparison.close(c)) return false;
+    }
+    return true;
+  }
+};
+/// Against those near its epipolar curve.
+template <class Descriptor, class Camera>
+struct keep_ratio_in_window {
+  double ratio;
+  filter_windows<Descriptor, Camera, window_of::candidates> windows;
+
+  bool keep_among(const search_view<Descriptor, Camera>& search, int i) const {
+    ratio_comparison<Descriptor, Camera> comparison(search, i, ratio);
+    return !windows.any(comparison.neighbour(), comparison.query(),
+                        [&comparison](std::int32_t c) { return comparison.close(c); });
+  }
+};
+
+}  // namespace detail
+
+/// \throws std::invalid_argument  the ratio is not in (0, 1]
+template <class Matches>
+void check_filter(const Matches&, const ratio_test& filter) {
+  require(filter.ratio > 0 && filter.ratio <= 1, "ratio_test.ratio", filter.ratio, "must be in (0, 1]");
+}
+/// Cost: O(matches x candidates of the pair), after an ordered search on the host a few percent of that, O(matches x
+/// group) after a grouped one.
+/// \throws std::invalid_argument  the ratio is not in (0, 1]
+template <class Descriptor, class Camera, class Policy>
+void apply_filter(context<Policy>& ctx, correspondences<Descriptor, Camera, Policy>& matches,
+                  const ratio_test& filter) {
+  check_filter(matches, filter);
+  const auto& search = matches.view();
+  ctx.begin_call();
+  if (search.options.candidate_set == candidates::grouped) {
+    apply_filter(ctx, matches, detail::keep_ratio_in_group{filter.ratio, look_up_groups(ctx, matches)});
+    return;
+  }
+  if constexpr (std::is_same_v<memory_of_t<Policy>, host_memory>) {
+    if (windows_pay(search)) {
+      using keep = detail::keep_ratio_in_window<Descriptor, Camera>;
+      for_each_index(ctx.policy(), search.neighbour_count * search.slot_count,
+                     detail::drop_matches_on_host<Descriptor, Camera, keep>{search, {filter.ratio, {ctx, matches}}});
+      return;
+    }
+  }
+  apply_filter(ctx, matches, detail::keep_ratio{filter.ratio});
+}
+
+TURBOMAP_END_NAMESPACE
