@@ -120,7 +120,6 @@ inline kitti_stereo_problem read_kitti_stereo(const std::filesystem::path& calib
     vec3<double> x;
     x.x = in.take<double>("X"), x.y = in.take<double>("Y"), x.z = in.take<double>("Z");
     if (!in.line_ends()) in.fail("there is more than eight numbers on the line");
-    if (u_right < 0) in.fail("u_right is negative, which would mean none");
     const auto [landmark, is_new] = landmarks.emplace(landmark_id, static_cast<std::int32_t>(landmarks.size()));
     if (is_new) {
       if (!(x.z > 0)) in.fail("landmark " + std::to_string(landmark_id) + " is not in front of the camera");

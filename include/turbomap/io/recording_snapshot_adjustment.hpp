@@ -8,6 +8,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -136,8 +137,6 @@ inline void read_adjusted_observations(const snapshot_source& from, adjustment_s
       from.check.fail_row("lba_e_type", i, "is " + std::to_string(static_cast<int>(out.kind[i])) + ", not 0 to 2");
     if (out.kind[i] == recorded_residual::second_camera && !two_cameras)
       from.check.fail_row("lba_e_type", i, "is 2, but there is no second camera");
-    if (out.kind[i] == recorded_residual::stereo && !(out.pixel[i].z >= 0))
-      from.check.fail_row("lba_e_obs", i, "has no u_right, but is stereo");
     if (!(out.information[i] > 0)) from.check.fail_row("lba_e_invsigma2", i, "is not positive");
   }
 }
@@ -174,7 +173,8 @@ inline reprojection_data problem_of(const adjustment_snapshot& s) {
   for (std::size_t i = 0; i < s.frame.size(); ++i) {
     const auto& p = s.pixel[i];
     d.camera.push_back(s.kind[i] == recorded_residual::second_camera ? 1 : 0);
-    d.pixel.push_back({p.x, p.y, s.kind[i] == recorded_residual::stereo ? p.z : -1.0});
+    d.pixel.push_back(
+        {p.x, p.y, s.kind[i] == recorded_residual::stereo ? p.z : std::numeric_limits<double>::quiet_NaN()});
     d.information.push_back(s.information[i]);
   }
   return d;

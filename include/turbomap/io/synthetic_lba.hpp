@@ -7,11 +7,12 @@
 ///
 ///     Tcw, Tcw_true f8[K,7]  pt, pt_true f8[P,3]  kf_fixed u1[K]  e_kf, e_pt i4[E]  e_obs f8[E,3]  e_invsigma2 f8[E]  e_type u1[E]
 ///
-/// (poses qx qy qz qw tx ty tz; e_obs u, v, u_right, the last -1 where e_type is 0). `*_true` may be left out.
+/// (poses qx qy qz qw tx ty tz; e_obs u, v, u_right; e_type 0: mono, the last one means nothing, 1: stereo). `*_true` may be left out.
 
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <string>
 #include <system_error>
 #include <vector>
@@ -66,8 +67,7 @@ inline synthetic_lba read_synthetic_lba(const std::filesystem::path& folder) {
   check.in_range("e_pt", d.landmark, 0, static_cast<std::int64_t>(d.points.size()));
   for (std::size_t i = 0; i < type.size(); ++i) {
     if (!(d.information[i] > 0)) check.fail_row("e_invsigma2", i, "is not positive");
-    if ((type[i] == 1) != (d.pixel[i].z >= 0))
-      check.fail_row("e_obs", i, type[i] == 1 ? "has no u_right, but is stereo" : "has a u_right, but is not stereo");
+    if (type[i] == 0) d.pixel[i].z = std::numeric_limits<double>::quiet_NaN();
   }
   std::error_code ignored;
   if (std::filesystem::exists(folder / "Tcw_true.npy", ignored)) {
