@@ -64,6 +64,7 @@ TEST_CASE("a sequence is read, landmarks where their first frame saw them") {
   CHECK(p.data.pixel[2].x == 600);
   CHECK(p.data.pixel[2].y == 170);
   CHECK(p.data.pixel[2].z == 530.5);
+  CHECK(p.data.stereo == std::vector<std::uint8_t>{1, 1, 1});
   CHECK(p.data.information == std::vector<double>{1, 1, 1});
   CHECK(p.data.T_cw[0].qw == 1);
   const auto& T = p.data.T_cw[1];

@@ -61,7 +61,7 @@ TEST_CASE("a problem is read, with or without the truth") {
   CHECK(s.data.points[1].z == 6);
   CHECK(s.data.frame == std::vector<std::int32_t>{0, 1, 1});
   CHECK(s.data.landmark == std::vector<std::int32_t>{1, 1, 0});
-  CHECK(std::isnan(s.data.pixel[1].z));
+  CHECK(s.data.stereo == std::vector<std::uint8_t>{1, 0, 1});
   CHECK(s.data.pixel[0].z == -5);
   CHECK(s.data.information[2] == 0.25);
   CHECK(s.data.camera.empty());

@@ -57,7 +57,7 @@ struct observation_cost {
   double chi2, robust, depth;
 };
 
-/// chi2, Huber's rho of it and depth of every observation; stereo ones (u_right is not NaN) have three residuals.
+/// chi2, Huber's rho of it and depth of every observation; stereo ones have three residuals.
 inline std::vector<observation_cost> observation_costs(const turbomap::reprojection_data& d,
                                                        const std::vector<cost_camera>& rig, double mono_delta2,
                                                        double stereo_delta2) {
@@ -72,7 +72,7 @@ inline std::vector<observation_cost> observation_costs(const turbomap::reproject
     for (int r = 0; r < 3; ++r) b[r] = R[3 * r] * X.x + R[3 * r + 1] * X.y + R[3 * r + 2] * X.z + t[r];
     for (int r = 0; r < 3; ++r) x[r] = c.R[3 * r] * b[0] + c.R[3 * r + 1] * b[1] + c.R[3 * r + 2] * b[2] + c.t[r];
     c.project(x, u, v);
-    const bool stereo = !std::isnan(d.pixel[i].z);
+    const bool stereo = d.stereo[i] != 0;
     const double e0 = d.pixel[i].x - u, e1 = d.pixel[i].y - v, e2 = stereo ? d.pixel[i].z - (u - c.bf / x[2]) : 0;
     const double chi2 = d.information[i] * (e0 * e0 + e1 * e1 + e2 * e2);
     all.push_back({chi2, huber_rho(chi2, stereo ? stereo_delta2 : mono_delta2), x[2]});

@@ -46,8 +46,9 @@ struct reprojections {
   span<const vec3<double>> pixel;          ///< u, v, u_right in px; negative or NaN u_right: none
   span<const double> information;          ///< 1 / sigma^2, px^-2; 0 switches a row off
   span<const std::uint8_t> camera = {};    ///< which camera of the rig; empty: the first
-  Kernel mono = {};                        ///< kernel of rows with two residuals
-  Kernel stereo = {};                      ///< kernel of rows with three
+  span<const std::uint8_t> stereo = {};    ///< not 0: three residuals, whatever u_right is; empty: where u_right >= 0
+  Kernel mono_kernel = {};                 ///< kernel of rows with two residuals
+  Kernel stereo_kernel = {};               ///< kernel of rows with three
   /// chi2 of a row whose camera cannot project its landmark (it has no derivative then): as if it were off by 1000 px at
   /// sigma 1, so that a step does not gain by making rows undefined. Pinholes are undefined in their focal plane only: rows
   /// behind them keep the error of the formula, as in g2o and Ceres.
@@ -59,7 +60,7 @@ template <class Camera>
 reprojections<Camera, huber> huber_reprojections(rig_view<Camera> rig) {
   reprojections<Camera, huber> group;
   group.rig = rig;
-  group.mono.delta2 = 5.991, group.stereo.delta2 = 7.815;
+  group.mono_kernel.delta2 = 5.991, group.stereo_kernel.delta2 = 7.815;
   return group;
 }
 

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <tuple>
 #include <type_traits>
+#include <iterator>
 #include <utility>
 #include <vector>
 
@@ -18,6 +19,7 @@
 #include "../error.hpp"
 #include "factors.hpp"
 #include "frames.hpp"
+#include "linear_solver.hpp"
 #include "resident_groups.hpp"
 #include "schur.hpp"
 #include "structure.hpp"
@@ -129,11 +131,12 @@ class bundle_problem {
     static_assert(group_type::with_landmarks);
     const auto& s = structure_.groups[landmark_group_index(Group)];
     const std::size_t n = s.source.size();
-    values_.resize_discard(2 * n);
-    fill_bytes(ctx.policy(), values_.data(), 0, 2 * n * sizeof(double));
-    std::get<Group>(groups_).chi2(ctx.policy(), estimate(current_), values_.data(), values_.data() + n);
+    ctx.begin_call();
+    double* values = ctx.template scratch<double>(2 * n);
+    fill_bytes(ctx.policy(), values, 0, 2 * n * sizeof(double));
+    std::get<Group>(groups_).chi2(ctx.policy(), estimate(current_), values, values + n);
     staging_.resize(2 * n);
-    copy_out(ctx.policy(), staging_.data(), values_.data(), 2 * n * sizeof(double));
+    copy_out(ctx.policy(), staging_.data(), values, 2 * n * sizeof(double));
     ctx.synchronize();
     const auto count = static_cast<std::size_t>(std::get<Group>(groups_).size());
     chi2.resize(count), depth.resize(count);
@@ -151,20 +154,18 @@ class bundle_problem {
   template <class Problem, class G, class A>
   friend class levenberg_marquardt;
   using uploaded_indices = uploaded<std::int32_t, memory>;
+  static constexpr int list_count = 16, first_block_list = 11;
   static constexpr int chunk_size = std::is_same_v<memory, host_memory> ? 128 : observation_padding;
 
   template <std::size_t... I>
   bundle_problem(std::pmr::memory_resource* r, std::index_sequence<I...>)
       : groups_(((void)I, r)...),
-        lists_{((void)0, uploaded_indices(r)), uploaded_indices(r), uploaded_indices(r), uploaded_indices(r),
-               uploaded_indices(r), uploaded_indices(r), uploaded_indices(r), uploaded_indices(r), uploaded_indices(r),
-               uploaded_indices(r), uploaded_indices(r), uploaded_indices(r), uploaded_indices(r), uploaded_indices(r),
-               uploaded_indices(r), uploaded_indices(r), uploaded_indices(r)},
         pairs_(r), landmark_fixed_(r), free_of_frame_(r),
         states_{array<state, memory>(r), array<state, memory>(r)},
         landmarks_{array<double, memory>(r), array<double, memory>(r)},
-        poses_{array<isometry<double>, memory>(r), array<isometry<double>, memory>(r)},
-        sums_(r), values_(r), reduced_(r), elimination_(r) {}
+        poses_{array<isometry<double>, memory>(r), array<isometry<double>, memory>(r)} {
+    for (int i = 0; i < list_count; ++i) lists_.emplace_back(r);
+  }
 
   static constexpr std::size_t landmark_group_index(std::size_t group) {
     constexpr bool with[] = {resident_group<Groups, Frame, Policy>::with_landmarks..., false};
@@ -172,9 +173,6 @@ class bundle_problem {
     for (std::size_t g = 0; g < group; ++g) index += with[g] ? 1 : 0;
     return index;
   }
-
-  template <std::size_t... I>
-  static auto make_indices(std::index_sequence<I...>);
 
   void build_structure(const frame_input<Frame>& frames, int landmark_count, const Groups&... groups) {
     landmark_inputs_.clear(), pair_first_.clear();
@@ -264,7 +262,7 @@ class bundle_problem {
     const std::vector<std::int32_t>* lists[] = {&structure_.block_row, &structure_.block_column, &structure_.block_pair,
                                                 &structure_.block_factor, &structure_.factor_list};
     for (std::size_t i = 0; i < std::size(lists); ++i)
-      lists_[11 + i].send_from(policy, lists[i]->data(), lists[i]->size());
+      lists_[first_block_list + i].send_from(policy, lists[i]->data(), lists[i]->size());
     pairs_.send_from(policy, structure_.pairs.data(), structure_.pairs.size());
     blocks_sent_ = true;
   }
@@ -279,16 +277,14 @@ class bundle_problem {
   std::vector<landmark_group_input> landmark_inputs_;
   std::vector<std::pair<std::vector<std::int32_t>, std::vector<std::int32_t>>> pair_first_;
   std::vector<std::int32_t> factor_frame_, frame_factor_, frame_factor_list_;
-  uploaded_indices lists_[17];
+  std::vector<uploaded_indices> lists_;  ///< in the order of send_lists(), then of send_blocks()
   uploaded<slot_pair, memory> pairs_;
   uploaded<std::uint8_t, memory> landmark_fixed_;
   uploaded_indices free_of_frame_;
   array<state, memory> states_[2];
   array<double, memory> landmarks_[2];
   array<isometry<double>, memory> poses_[2];
-  array<std::byte, memory> sums_;  ///< rows, couplings, eliminated couplings, partial sums
-  array<double, memory> values_, reduced_;
-  array<eliminated_landmark, memory> elimination_;
+  reduced_workspace workspace_;
   mutable std::vector<double> staging_;
   int current_ = 0, observations_ = 0, costs_ = 0, factor_partials_ = 0, squares_ = 0;
   bool finite_ = false, has_fixed_landmarks_ = false, blocks_known_ = false, blocks_sent_ = false;

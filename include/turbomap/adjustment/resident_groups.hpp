@@ -56,16 +56,21 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Policy> {
     require(g.pixel.size() == n, "pixel.size()", g.pixel.size(), "must be that of frame");
     require(g.information.size() == n, "information.size()", g.information.size(), "must be that of frame");
     require(g.camera.empty() || g.camera.size() == n, "camera.size()", g.camera.size(), "must be that of frame, or 0");
+    require(g.stereo.empty() || g.stereo.size() == n, "stereo.size()", g.stereo.size(), "must be that of frame, or 0");
     detail::require_indices(g.frame, frames, "frame");
     detail::require_indices(g.landmark, landmarks, "landmark");
     validate_rig(g.rig);
     require(g.rig.count <= 127, "rig.count", g.rig.count, "must be below 128");
     for (const auto c : g.camera) require(c < g.rig.count, "camera", static_cast<int>(c), "is not in the rig");
+    for (std::size_t i = 0; i < g.stereo.size(); ++i)
+      require(g.stereo[i] == 0 || g.rig[g.camera.empty() ? 0 : g.camera[i]].bf > 0, "stereo", i,
+              "is a row whose camera has no right image (bf = 0)");
     bool finite = true;
     for (std::size_t i = 0; i < n; ++i) {
       require(!(g.information[i] < 0), "information", g.information[i], "must not be negative");
       finite = finite && detail::is_finite(g.pixel[i].x) && detail::is_finite(g.pixel[i].y) &&
-               detail::is_finite(g.information[i]);
+               detail::is_finite(g.information[i]) &&
+               (g.stereo.empty() || g.stereo[i] == 0 || detail::is_finite(g.pixel[i].z));
     }
     return finite;
   }
@@ -74,7 +79,8 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Policy> {
     kind_.resize(g.frame.size());
     for (std::size_t i = 0; i < kind_.size(); ++i) {
       const int c = g.camera.empty() ? 0 : g.camera[i];
-      const bool stereo = g.pixel[i].z >= 0 && g.rig[c].bf > 0 && detail::is_finite(g.pixel[i].z);
+      const bool seen_right = g.pixel[i].z >= 0 && detail::is_finite(g.pixel[i].z) && g.rig[c].bf > 0;
+      const bool stereo = g.stereo.empty() ? seen_right : g.stereo[i] != 0;
       kind_[i] = static_cast<std::uint8_t>(2 * c + (stereo ? 1 : 0));
     }
     return {g.frame, g.landmark, kind_.data(), 2 * g.rig.count};
@@ -83,7 +89,7 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Policy> {
   void assign(const Policy& policy, const group_type& g, const group_structure& s, const detail::group_place& place) {
     place_ = place;
     count_ = static_cast<int>(g.frame.size());
-    kernel_[0] = g.mono, kernel_[1] = g.stereo, undefined_chi2_ = g.undefined_chi2;
+    kernel_[0] = g.mono_kernel, kernel_[1] = g.stereo_kernel, undefined_chi2_ = g.undefined_chi2;
     cameras_.host().clear();
     for (int c = 0; c < g.rig.count; ++c) cameras_.host().push_back(adjustment_camera<Camera>(g.rig[c]));
     const std::size_t n = s.source.size();

@@ -9,10 +9,12 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <numeric>
 
 #include "../config.hpp"
 #include "../math/functions.hpp"
 #include "../math/pack.hpp"
+#include "../parallel.hpp"
 #include "linearise_frame_factors.hpp"
 #include "structure.hpp"
 
@@ -94,19 +96,17 @@ TURBOMAP_HD void sum_rows(const schur_view<A>& s, int l, double (&total)[9]) {
 
 }  // namespace detail
 
-/// Index = landmark: largest diagonal element of its H, and largest element of its gradient.
+/// Index = landmark: largest diagonal element of its H.
 template <class A>
 struct scale_of_landmarks {
   schur_view<A> s;
   double* diagonal;
-  double* gradient;
 
   TURBOMAP_HD void operator()(int l) const {
     double h[9];
     detail::sum_rows(s, l, h);
     const bool fixed = s.landmark_fixed != nullptr && s.landmark_fixed[l] != 0;
     diagonal[l] = fixed ? 0 : larger(h[0], larger(h[2], h[5]));
-    gradient[l] = fixed ? 0 : larger(larger(h[6], -h[6]), larger(larger(h[7], -h[7]), larger(h[8], -h[8])));
   }
 };
 
@@ -266,6 +266,15 @@ struct reduce_blocks {
     }
   }
 };
+
+/// All blocks of the reduced system.
+template <class A, int V, int D, class Policy>
+void launch_reduction(const Policy& policy, const schur_view<A>& s, const reduced_layout& out, double lambda) {
+  const int count = s.free_frames + s.blocks;
+  int step = count / 2 + count / 8;  // any number without a common divisor
+  while (step > 1 && std::gcd(step, count) != 1) --step;
+  for_each_index(policy, count, reduce_blocks<A, V, D>{s, out, lambda, count, step > 0 ? step : 1});
+}
 
 /// Index = some landmarks: their steps from those of the frames, their new positions, and sums of the step.
 template <class A, int V, int D>

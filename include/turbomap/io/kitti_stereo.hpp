@@ -131,7 +131,7 @@ inline kitti_stereo_problem read_kitti_stereo(const std::filesystem::path& calib
     if (!seen.insert(pair).second)
       in.fail("frame " + std::to_string(frame_id) + " sees landmark " + std::to_string(landmark_id) + " already");
     p.data.frame.push_back(frame->second), p.data.landmark.push_back(landmark->second);
-    p.data.pixel.push_back({u, v, u_right}), p.data.information.push_back(1);
+    p.data.pixel.push_back({u, v, u_right}), p.data.information.push_back(1), p.data.stereo.push_back(1);
   }
   return p;
 }

@@ -8,7 +8,6 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
-#include <limits>
 #include <optional>
 #include <vector>
 
@@ -171,10 +170,9 @@ inline reprojection_data problem_of(const adjustment_snapshot& s) {
   for (const auto& x : s.position_before) d.points.push_back(cast<double>(x));
   d.frame = s.frame, d.landmark = s.landmark;
   for (std::size_t i = 0; i < s.frame.size(); ++i) {
-    const auto& p = s.pixel[i];
     d.camera.push_back(s.kind[i] == recorded_residual::second_camera ? 1 : 0);
-    d.pixel.push_back(
-        {p.x, p.y, s.kind[i] == recorded_residual::stereo ? p.z : std::numeric_limits<double>::quiet_NaN()});
+    d.stereo.push_back(s.kind[i] == recorded_residual::stereo ? 1 : 0);
+    d.pixel.push_back(cast<double>(s.pixel[i]));
     d.information.push_back(s.information[i]);
   }
   return d;

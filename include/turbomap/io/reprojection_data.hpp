@@ -13,7 +13,7 @@
 
 namespace turbomap {
 
-/// Frames, landmarks, and which frame saw which landmark where. Every index is inside its array, every number finite but a u_right.
+/// Frames, landmarks, and which frame saw which landmark where. Every index is inside its array, every number that means something finite.
 struct reprojection_data {
   std::vector<rigid_transform<double>> T_cw;  ///< poses of the frames (of the rig's body)
   std::vector<std::uint8_t> fixed;            ///< one a frame; 1: it does not move
@@ -21,7 +21,8 @@ struct reprojection_data {
   // One row an observation.
   std::vector<std::int32_t> frame, landmark;
   std::vector<std::uint8_t> camera;  ///< of the rig; empty: all are the first
-  std::vector<vec3<double>> pixel;   ///< u, v, u_right in px; NaN u_right: none (left of the image it is negative)
+  std::vector<vec3<double>> pixel;   ///< u, v, u_right in px
+  std::vector<std::uint8_t> stereo;  ///< 1: u_right counts (it may be left of the image, negative); 0: it means nothing
   std::vector<double> information;   ///< 1 / sigma^2, px^-2
 
   std::size_t frame_count() const { return T_cw.size(); }

@@ -12,7 +12,6 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
-#include <limits>
 #include <string>
 #include <system_error>
 #include <vector>
@@ -60,14 +59,12 @@ inline synthetic_lba read_synthetic_lba(const std::filesystem::path& folder) {
   read_sized("kf_fixed", d.fixed, d.T_cw.size());
   read_sized("e_pt", d.landmark, d.frame.size()), read_sized("e_obs", d.pixel, d.frame.size());
   read_sized("e_invsigma2", d.information, d.frame.size());
-  std::vector<std::uint8_t> type;
-  read_sized("e_type", type, d.frame.size());
-  check.in_range("kf_fixed", d.fixed, 0, 2), check.in_range("e_type", type, 0, 2);
+  read_sized("e_type", d.stereo, d.frame.size());
+  check.in_range("kf_fixed", d.fixed, 0, 2), check.in_range("e_type", d.stereo, 0, 2);
   check.in_range("e_kf", d.frame, 0, static_cast<std::int64_t>(d.T_cw.size()));
   check.in_range("e_pt", d.landmark, 0, static_cast<std::int64_t>(d.points.size()));
-  for (std::size_t i = 0; i < type.size(); ++i) {
+  for (std::size_t i = 0; i < d.frame.size(); ++i) {
     if (!(d.information[i] > 0)) check.fail_row("e_invsigma2", i, "is not positive");
-    if (type[i] == 0) d.pixel[i].z = std::numeric_limits<double>::quiet_NaN();
   }
   std::error_code ignored;
   if (std::filesystem::exists(folder / "Tcw_true.npy", ignored)) {
