@@ -14,6 +14,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
+#include "conjugate_gradients.hpp"
 #include "linear_solver.hpp"
 #include "options.hpp"
 #include "problem.hpp"
@@ -68,12 +69,22 @@ class levenberg_marquardt {
     if (!detail::is_finite(cost)) return adjustment_end::not_finite;
     summary_.undefined = undefined_;
     if (structure.free_frames == 0 && !landmarks_move()) return adjustment_end::nothing_free;
-    if (use_pcg()) return iterate(ctx, cost, pcg_solver(ctx));
-    problem_.find_blocks();
-    problem_.send_blocks(ctx.policy());
-    view_blocks();
-    if (use_sparse()) return iterate(ctx, cost, sparse_solver(ctx));
-    return iterate(ctx, cost, dense_reduced_solver<A, V, D, Policy>(ctx, s_, problem_.workspace_));
+    if (choose(false) != reduced_solver::pcg) {
+      problem_.find_blocks();
+      problem_.send_blocks(ctx.policy());
+      view_blocks();
+    }
+    switch (choose(true)) {
+      case reduced_solver::pcg:
+        return iterate(ctx, cost,
+                       pcg_reduced_solver<A, V, D, Policy>(ctx, s_, structure.landmarks, problem_.workspace_,
+                                                           options_.pcg_tolerance, options_.pcg_max_iterations));
+      case reduced_solver::sparse:
+        return iterate(ctx, cost,
+                       sparse_reduced_solver<A, V, D, Policy>(ctx, s_, structure.block_row, structure.block_column,
+                                                              problem_.workspace_));
+      default: return iterate(ctx, cost, dense_reduced_solver<A, V, D, Policy>(ctx, s_, problem_.workspace_));
+    }
   }
 
   template <class Policy, class Solver>
@@ -153,6 +164,7 @@ class levenberg_marquardt {
     s_.landmark_row = lists(0), s_.landmark_slot = lists(1), s_.slot_coupling = lists(2), s_.slot_frame = lists(3);
     s_.slot_landmark = lists(4), s_.frame_partial = lists(5), s_.partial_list = lists(6), s_.frame_slot = lists(7);
     s_.slot_list = lists(8), s_.frame_factor = lists(9), s_.frame_factor_list = lists(10);
+    s_.frame_pair = lists(11), s_.frame_pair_list = problem_.neighbours_.data();
     s_.landmark_fixed = problem_.has_fixed_landmarks_ ? problem_.landmark_fixed_.data() : nullptr;
     s_.free_frames = s.free_frames;
     s_.row = sums_.row = ctx.template scratch<A>(s.rows() * 9 + slack);
@@ -218,7 +230,7 @@ class levenberg_marquardt {
   reduced_step take_step(context<Policy>& ctx, Solver& solver, double lambda, double& predicted) {
     const auto& s = problem_.structure_;
     for_each_index(ctx.policy(), s.landmarks, eliminate_landmarks<A, V>{s_, lambda});
-    double *x, *host_x;
+    double *x = nullptr, *host_x = nullptr;
     const reduced_step step = solver.solve(ctx, lambda, x, host_x);
     if (!step.solved) return step;
     const int from = problem_.current_, to = 1 - from;
@@ -239,12 +251,15 @@ class levenberg_marquardt {
     return step;
   }
 
-  bool use_pcg() const { return false; }
-  bool use_sparse() const { return false; }
-  template <class Policy>
-  auto pcg_solver(context<Policy>& ctx) { return dense_reduced_solver<A, V, D, Policy>(ctx, s_, problem_.workspace_); }
-  template <class Policy>
-  auto sparse_solver(context<Policy>& ctx) { return dense_reduced_solver<A, V, D, Policy>(ctx, s_, problem_.workspace_); }
+  /// The solver `automatic` stands for. A matrix with few empty blocks gains nothing from sparsity.
+  reduced_solver choose(bool blocks_known) const {
+    const int unknowns = problem_.structure_.free_frames * D;
+    if (options_.solver != reduced_solver::automatic) return options_.solver;
+    if (unknowns <= options_.dense_limit) return reduced_solver::dense;
+    if (unknowns > options_.sparse_limit) return reduced_solver::pcg;
+    const double f = problem_.structure_.free_frames, blocks = static_cast<double>(problem_.structure_.block_row.size());
+    return blocks_known && blocks > options_.sparse_fill * f * f / 2 ? reduced_solver::pcg : reduced_solver::sparse;
+  }
 
   Problem& problem_;
   const adjustment_options& options_;

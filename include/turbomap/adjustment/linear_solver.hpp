@@ -12,6 +12,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../parallel.hpp"
+#include "block_cholesky.hpp"
 #include "dense_cholesky.hpp"
 #include "options.hpp"
 #include "schur.hpp"
@@ -19,8 +20,11 @@
 TURBOMAP_BEGIN_NAMESPACE
 
 /// Host memory of the solvers; a problem keeps it.
+template <int D>
 struct reduced_workspace {
   dense_cholesky dense;
+  block_cholesky<D> sparse;
+  bool analysed = false;  ///< `sparse` has the structure of the problem
   std::vector<double> matrix, x;
 };
 
@@ -47,7 +51,7 @@ struct reduced_step {
 template <class A, int V, int D, class Policy>
 class dense_reduced_solver {
  public:
-  dense_reduced_solver(context<Policy>& ctx, const schur_view<A>& s, reduced_workspace& workspace)
+  dense_reduced_solver(context<Policy>& ctx, const schur_view<A>& s, reduced_workspace<D>& workspace)
       : s_(s), workspace_(workspace), n_(s.free_frames * D), padded_(dense_cholesky::padded(n_)) {
     const auto n = static_cast<std::size_t>(padded_);
     matrix_ = ctx.template scratch<double>(n * n);
@@ -69,9 +73,43 @@ class dense_reduced_solver {
 
  private:
   schur_view<A> s_;
-  reduced_workspace& workspace_;
+  reduced_workspace<D>& workspace_;
   int n_, padded_;
   double* matrix_;
+  double* x_;
+};
+
+/// Forms the blocks that exist and factorises them on the host.
+template <class A, int V, int D, class Policy>
+class sparse_reduced_solver {
+ public:
+  /// \param rows, columns  of the blocks
+  sparse_reduced_solver(context<Policy>& ctx, const schur_view<A>& s, const std::vector<std::int32_t>& rows,
+                        const std::vector<std::int32_t>& columns, reduced_workspace<D>& workspace)
+      : s_(s), workspace_(workspace) {
+    if (!workspace.analysed) workspace.sparse.analyse(s.free_frames, rows, columns);
+    workspace.analysed = true;
+    size_ = (static_cast<std::size_t>(s.free_frames) + rows.size()) * D * D;
+    blocks_ = ctx.template scratch<double>(size_);
+    x_ = ctx.template scratch<double>(static_cast<std::size_t>(s.free_frames) * D);
+  }
+
+  reduced_step solve(context<Policy>& ctx, double lambda, double*& x, double*& on_host_x) {
+    const std::size_t n = static_cast<std::size_t>(s_.free_frames) * D;
+    launch_reduction<A, V, D>(ctx.policy(), s_, {blocks_, x_, 0, false}, lambda);
+    const double* blocks = on_host(ctx, blocks_, size_, workspace_.matrix);
+    x = x_, on_host_x = on_host(ctx, x_, n, workspace_.x);
+    if (!workspace_.sparse.factorise(blocks)) return {false, 0};
+    workspace_.sparse.solve(on_host_x);
+    copy_in(ctx.policy(), x, on_host_x, n * sizeof(double));
+    return {true, 0};
+  }
+
+ private:
+  schur_view<A> s_;
+  reduced_workspace<D>& workspace_;
+  std::size_t size_ = 0;
+  double* blocks_;
   double* x_;
 };
 

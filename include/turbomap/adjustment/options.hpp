@@ -43,6 +43,7 @@ struct adjustment_options {
   reduced_solver solver = reduced_solver::automatic;
   int dense_limit = 1200;       ///< unknowns up to which `automatic` takes the dense solver
   int sparse_limit = 12000;     ///< unknowns up to which it takes the sparse one
+  double sparse_fill = 0.3;     ///< ... unless more than this part of the blocks exist: then pcg
   double pcg_tolerance = 1e-6;  ///< relative residual at which conjugate gradients stop
   int pcg_max_iterations = 500;
 };

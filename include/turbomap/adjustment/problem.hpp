@@ -99,7 +99,7 @@ class bundle_problem {
     ctx.synchronize();
     observations_ = (0 + ... + resident_group<Groups, Frame, Policy>::size(groups));
     finite_ = finite;
-    blocks_known_ = blocks_sent_ = false;
+    blocks_known_ = blocks_sent_ = workspace_.analysed = false;
   }
 
   int frame_count() const { return structure_.frames; }
@@ -154,13 +154,13 @@ class bundle_problem {
   template <class Problem, class G, class A>
   friend class levenberg_marquardt;
   using uploaded_indices = uploaded<std::int32_t, memory>;
-  static constexpr int list_count = 16, first_block_list = 11;
+  static constexpr int list_count = 17, first_block_list = 12;
   static constexpr int chunk_size = std::is_same_v<memory, host_memory> ? 128 : observation_padding;
 
   template <std::size_t... I>
   bundle_problem(std::pmr::memory_resource* r, std::index_sequence<I...>)
       : groups_(((void)I, r)...),
-        pairs_(r), landmark_fixed_(r), free_of_frame_(r),
+        pairs_(r), neighbours_(r), landmark_fixed_(r), free_of_frame_(r),
         states_{array<state, memory>(r), array<state, memory>(r)},
         landmarks_{array<double, memory>(r), array<double, memory>(r)},
         poses_{array<isometry<double>, memory>(r), array<isometry<double>, memory>(r)} {
@@ -197,6 +197,23 @@ class bundle_problem {
     std::apply([&](auto&... resident) { (place_group(policy, resident, groups, next, landmark_group), ...); }, groups_);
     costs_ = next.first_cost, factor_partials_ = next.first_factor_partial, squares_ = next.first_square;
     structure_builder::list_by_frame(factor_frame_, structure_.free_frames, frame_factor_, frame_factor_list_);
+    list_neighbours();
+  }
+  /// Factors between two free frames, by each of them.
+  void list_neighbours() {
+    std::vector<frame_neighbour> all;
+    std::vector<std::int32_t> of;
+    std::int32_t factor = 0;
+    for (const auto& [first, second] : pair_first_)
+      for (std::size_t i = 0; i < first.size(); ++i, ++factor) {
+        const std::int32_t a = structure_.free_of_frame[static_cast<std::size_t>(first[i])];
+        const std::int32_t b = structure_.free_of_frame[static_cast<std::size_t>(second[i])];
+        of.push_back(b >= 0 ? a : -1), all.push_back({factor, b, 1});
+        of.push_back(a >= 0 ? b : -1), all.push_back({factor, a, 0});
+      }
+    structure_builder::list_by_frame(of, structure_.free_frames, frame_pair_, neighbour_order_);
+    neighbours_.host().clear();
+    for (const auto i : neighbour_order_) neighbours_.host().push_back(all[static_cast<std::size_t>(i)]);
   }
   template <class Resident, class Group>
   void place_group(const Policy& policy, Resident& resident, const Group& group, detail::group_place& next,
@@ -244,8 +261,9 @@ class bundle_problem {
     const std::vector<std::int32_t>* lists[] = {
         &structure_.landmark_row,  &structure_.landmark_slot, &structure_.slot_coupling, &structure_.slot_frame,
         &structure_.slot_landmark, &structure_.frame_partial, &structure_.partial_list,  &structure_.frame_slot,
-        &structure_.slot_list,     &frame_factor_,            &frame_factor_list_};
+        &structure_.slot_list,     &frame_factor_,            &frame_factor_list_,       &frame_pair_};
     for (std::size_t i = 0; i < std::size(lists); ++i) lists_[i].send_from(policy, lists[i]->data(), lists[i]->size());
+    neighbours_.send(policy);
     free_of_frame_.send_from(policy, structure_.free_of_frame.data(), structure_.free_of_frame.size());
   }
 
@@ -276,15 +294,16 @@ class bundle_problem {
   structure_builder builder_;
   std::vector<landmark_group_input> landmark_inputs_;
   std::vector<std::pair<std::vector<std::int32_t>, std::vector<std::int32_t>>> pair_first_;
-  std::vector<std::int32_t> factor_frame_, frame_factor_, frame_factor_list_;
+  std::vector<std::int32_t> factor_frame_, frame_factor_, frame_factor_list_, frame_pair_, neighbour_order_;
   std::vector<uploaded_indices> lists_;  ///< in the order of send_lists(), then of send_blocks()
   uploaded<slot_pair, memory> pairs_;
+  uploaded<frame_neighbour, memory> neighbours_;
   uploaded<std::uint8_t, memory> landmark_fixed_;
   uploaded_indices free_of_frame_;
   array<state, memory> states_[2];
   array<double, memory> landmarks_[2];
   array<isometry<double>, memory> poses_[2];
-  reduced_workspace workspace_;
+  reduced_workspace<Frame::dof> workspace_;
   mutable std::vector<double> staging_;
   int current_ = 0, observations_ = 0, costs_ = 0, factor_partials_ = 0, squares_ = 0;
   bool finite_ = false, has_fixed_landmarks_ = false, blocks_known_ = false, blocks_sent_ = false;

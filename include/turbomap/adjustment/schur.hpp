@@ -37,6 +37,8 @@ struct schur_view {
   const std::int32_t *landmark_row, *landmark_slot, *slot_coupling, *slot_frame, *slot_landmark;
   const std::int32_t *frame_partial, *partial_list, *frame_slot, *slot_list;
   const std::int32_t *frame_factor, *frame_factor_list;
+  const std::int32_t* frame_pair;
+  const frame_neighbour* frame_pair_list;
   const std::int32_t *block_row, *block_column, *block_pair, *block_factor, *factor_list;
   const slot_pair* pairs;
   const std::uint8_t* landmark_fixed;  ///< null: none

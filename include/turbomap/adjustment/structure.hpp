@@ -31,6 +31,11 @@ struct slot_pair {
   std::int32_t first, second;
 };
 
+/// A factor between two free frames as one of them sees it.
+struct frame_neighbour {
+  std::int32_t factor, other, is_first;
+};
+
 /// What the structure needs to know of a group of factors with landmarks.
 struct landmark_group_input {
   span<const std::int32_t> frame, landmark;
