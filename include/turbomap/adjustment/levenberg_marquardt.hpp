@@ -95,7 +95,10 @@ class levenberg_marquardt {
       if (stopped()) return adjustment_end::stopped;
       if (i > 0 && out_of_time()) return adjustment_end::time_budget;
       linearise(ctx);
-      if (i == 0 && !(lambda > 0)) lambda = options_.initial_lambda_scale * largest_diagonal(ctx);
+      if (i == 0 && !(lambda > 0)) {
+        lambda = options_.initial_lambda_scale * largest_diagonal(ctx);
+        if (!(lambda > 0)) return adjustment_end::converged;  // no factor depends on anything
+      }
       ++summary_.iterations;
       adjustment_iteration it{cost, lambda, 0, 0};
       bool accepted = false, factorised = false;

@@ -229,7 +229,7 @@ struct chi2_of_reprojections {
     const observation_chunk& c = group.chunks[chunk];
     const auto& camera = group.cameras[c.kind / 2];
     for (int i = c.begin; i < c.begin + c.count; ++i) {
-      lane_reprojection<double, double, 1> r;
+      lane_reprojection<double, double, 1> r{};
       const auto body = transform(T_bw[c.frame], group.template points<double, 1>(landmarks, i));
       const auto measured = group.template measurements<double, 1>(i);
       if (c.kind % 2 == 1)
