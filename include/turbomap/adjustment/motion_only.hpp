@@ -12,6 +12,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
+#include "../math/rotation.hpp"
 #include "factors.hpp"
 #include "linearise_factors.hpp"
 #include "reprojection.hpp"
