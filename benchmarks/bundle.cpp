@@ -10,14 +10,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#if __has_include(<tbb/parallel_for.h>)
-#define TURBOMAP_PROGRAM_WITH_TBB 1
-#include <thrust/system/tbb/execution_policy.h>
-#endif
-
-#include "bundle/run.hpp"
+#include "bundle/arguments.hpp"
 
 namespace {
 
@@ -25,11 +18,9 @@ using turbomap_bundle::arguments;
 using turbomap_bundle::outcome;
 
 outcome run(const arguments& a) {
-  if (a.policy == "seq") return turbomap_bundle::run(thrust::seq, a);
-  if (a.policy == "omp") return turbomap_bundle::run(thrust::omp::par, a);
-#if defined(TURBOMAP_PROGRAM_WITH_TBB)
-  if (a.policy == "tbb") return turbomap_bundle::run(thrust::tbb::par, a);
-#endif
+  if (a.policy == "seq") return turbomap_bundle::run_seq(a);
+  if (a.policy == "omp") return turbomap_bundle::run_omp(a);
+  if (a.policy == "tbb") return turbomap_bundle::run_tbb(a);
 #if defined(TURBOMAP_PROGRAM_WITH_CUDA)
   if (a.policy == "cuda") return turbomap_bundle::run_cuda(a);
 #endif
@@ -54,6 +45,8 @@ int main(int argc, char** argv) try {
   app.add_option("--kernel", a.kernel, "robust kernel: none for bal, else huber (5.991, stereo 7.815) when not given")
       ->check(CLI::IsMember({"huber", "none"}));
   app.add_option("--iterations", a.iterations, "at most so many")->check(CLI::NonNegativeNumber);
+  app.add_option("--lambda-scale", a.lambda_scale, "first damping, relative to the largest diagonal element")
+      ->check(CLI::PositiveNumber);
   app.add_option("--repeat", a.repeat, "adjust so many times; times are medians without the first")
       ->check(CLI::PositiveNumber);
   app.add_option("--perturb-m", a.perturb_m, "noise added to free positions and landmarks (not bal)")

@@ -21,6 +21,7 @@ struct arguments {
   std::string precision = "float64";  ///< float64, mixed, float32
   std::string kernel;                 ///< huber, none; empty: none for bal, else huber
   int iterations = 10;
+  double lambda_scale = 1e-5;  ///< first damping, relative to the largest diagonal element
   int repeat = 1;
   double perturb_m = 0, perturb_rad = 0;  ///< noise added to what is free, before the adjustment
   unsigned seed = 1;
@@ -34,7 +35,11 @@ struct outcome {
   bool good = true;
 };
 
-/// Implemented in cuda/bundle_cuda.cu where there is CUDA. Throws std::runtime_error without a device.
+/// One run under each policy. Each is compiled by itself (run_*.cpp; cuda/bundle_cuda.cu where there is CUDA): the templates
+/// of every camera, solver and precision are behind them. run_cuda throws std::runtime_error without a device.
+outcome run_seq(const arguments& arguments);
+outcome run_omp(const arguments& arguments);
+outcome run_tbb(const arguments& arguments);
 outcome run_cuda(const arguments& arguments);
 
 }  // namespace turbomap_bundle

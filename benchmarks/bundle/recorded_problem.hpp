@@ -53,9 +53,10 @@ rig_problem<Camera> recorded_problem(const turbomap::recording_meta& meta, const
 }
 
 /// The observations as a factor group, views of `p`.
-template <class Camera, class Kernel>
-turbomap::reprojections<Camera, Kernel> reprojections_of(const rig_problem<Camera>& p, Kernel mono, Kernel stereo) {
-  turbomap::reprojections<Camera, Kernel> group;
+template <class Camera>
+turbomap::reprojections<Camera> reprojections_of(const rig_problem<Camera>& p, turbomap::huber mono,
+                                                 turbomap::huber stereo) {
+  turbomap::reprojections<Camera> group;
   const auto& d = p.data;
   group.rig = p.view();
   group.frame = {d.frame.data(), d.frame.size()}, group.landmark = {d.landmark.data(), d.landmark.size()};

@@ -5,6 +5,7 @@
 /// \file
 /// One run of turbomap-bundle under one policy: loads, adjusts, and makes the JSON of the contract.
 
+#include <cmath>
 #include <string>
 #include <type_traits>
 #include <variant>
@@ -18,7 +19,7 @@ namespace turbomap_bundle {
 
 inline turbomap::adjustment_options options_of(const arguments& a) {
   turbomap::adjustment_options o;
-  o.max_iterations = a.iterations;
+  o.max_iterations = a.iterations, o.initial_lambda_scale = a.lambda_scale;
   using solver = turbomap::reduced_solver;
   o.solver = a.solver == "dense"    ? solver::dense
              : a.solver == "sparse" ? solver::sparse
@@ -48,6 +49,7 @@ nlohmann::json json_of(const solution<State>& s, double scale) {
           {"ms_setup", s.ms_setup},
           {"ms_setup_first", s.ms_setup_first},
           {"ms_adjust", s.ms_adjust},
+          {"cpu_ms_adjust", s.cpu_ms_adjust},
           {"peak_bytes", s.peak_bytes},
           {"end", turbomap::to_string(m.end)},
           {"accepted", m.accepted},
@@ -66,19 +68,15 @@ struct adjust_loaded {
   template <class Camera>
   nlohmann::json operator()(const rig_problem<Camera>& p) const {
     const auto options = options_of(a);
-    turbomap::huber mono, stereo;
-    mono.delta2 = 5.991, stereo.delta2 = 7.815;
-    const auto s = a.kernel == "none"
-                       ? solve_rig(policy, a.repeat, options, p, turbomap::no_kernel{}, turbomap::no_kernel{})
-                       : solve_rig(policy, a.repeat, options, p, mono, stereo);
+    const auto s = a.kernel == "none" ? solve_rig(policy, a.repeat, options, p, HUGE_VAL, HUGE_VAL)
+                                      : solve_rig(policy, a.repeat, options, p);
     auto json = json_of(s, 1);
     add_sizes(json, p.data.T_cw.size(), p.data.points.size(), p.data.observation_count());
     return json;
   }
   nlohmann::json operator()(const turbomap::bal_problem& p) const {
     const auto options = options_of(a);
-    const auto s = a.kernel == "huber" ? solve_bal(policy, a.repeat, options, p, turbomap::huber{})
-                                       : solve_bal(policy, a.repeat, options, p, turbomap::no_kernel{});
+    const auto s = solve_bal(policy, a.repeat, options, p, a.kernel == "huber" ? 5.991 : HUGE_VAL);
     auto json = json_of(s, 0.5);
     add_sizes(json, p.cameras.size(), p.points.size(), p.pixel.size());
     return json;

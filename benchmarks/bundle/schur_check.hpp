@@ -34,6 +34,7 @@ struct schur_bounds {
   double bschur = 1e-9;
   double xl = 1e-7;         ///< from the recorded xp
   double residual = 1e-10;  ///< ||Hschur xp - bschur|| / ||bschur||, recorded ones
+  double pivot = 1e-6;      ///< a pivot below it times its diagonal element: singular (gauge ones: 2e-7, others: 2e-3)
   double damping = 1e-8;    ///< relative to the largest diagonal element: with it, the system must have a solution
   double damped = 1e-9;     ///< ||(S + lambda I) x - rhs|| / ||rhs||
 };
@@ -275,13 +276,13 @@ nlohmann::json check_schur(const Policy& policy, const turbomap::schur_system& s
     return padded;
   };
   auto factor = pad(S);
-  const bool singular = !cholesky.factorise(factor.data(), ours.size());
+  const bool singular = !cholesky.factorise(factor.data(), ours.size(), bounds.pivot);
   double largest = 0;
   for (std::size_t i = 0; i < n; ++i) largest = std::max(largest, S[i * n + i]);
   const double lambda = bounds.damping * largest;
   ours.reduce(lambda, S, rhs);
   factor = pad(S);
-  const bool solved = cholesky.factorise(factor.data(), ours.size());
+  const bool solved = cholesky.factorise(factor.data(), ours.size(), bounds.pivot);
   auto x = rhs;
   x.resize(factor.size() / static_cast<std::size_t>(turbomap::dense_cholesky::padded(ours.size())));
   if (solved) cholesky.solve(factor.data(), ours.size(), x.data());

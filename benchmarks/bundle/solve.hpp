@@ -8,12 +8,12 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <ctime>
 #include <memory_resource>
 #include <string>
 #include <utility>
 #include <vector>
-
-#include <sys/resource.h>
 
 #include <turbomap/adjustment/levenberg_marquardt.hpp>
 #include <turbomap/adjustment/problem.hpp>
@@ -30,14 +30,16 @@ inline double median(std::vector<double> v) {
   return n == 0 ? 0 : (v[(n - 1) / 2] + v[n / 2]) / 2;
 }
 
-/// Milliseconds since it was made.
+/// Milliseconds since it was made; `cpu_ms` of all threads of the process, which others on the machine do not lengthen.
 class stopwatch {
  public:
+  double cpu_ms() const { return 1e3 * static_cast<double>(std::clock() - cpu_) / CLOCKS_PER_SEC; }
   double ms() const { return std::chrono::duration<double, std::milli>(clock::now() - start_).count(); }
 
  private:
   using clock = std::chrono::steady_clock;
   clock::time_point start_ = clock::now();
+  std::clock_t cpu_ = std::clock();
 };
 
 /// Counts what the memory of a policy holds at most.
@@ -67,8 +69,8 @@ struct solution {
   turbomap::adjustment_summary summary;
   std::vector<State> frames;
   std::vector<turbomap::vec3<double>> landmarks;
-  double ms_setup_first = 0, ms_setup = 0,
-         ms_adjust = 0;        ///< the first; medians of the rest (of all when there is one)
+  // The first set-up; medians of the rest, or of all where there is one only.
+  double ms_setup_first = 0, ms_setup = 0, cpu_ms_setup = 0, ms_adjust = 0, cpu_ms_adjust = 0;
   std::size_t peak_bytes = 0;  ///< in the policy's memory
 
   double ms_per_iteration() const { return summary.iterations > 0 ? ms_adjust / summary.iterations : 0; }
@@ -82,35 +84,44 @@ solution<typename Problem::state> solve(const Policy& policy, int repeat, const 
   turbomap::context<Policy> ctx(policy, &counted);
   Problem problem(ctx);
   solution<typename Problem::state> s;
-  std::vector<double> setup, adjust;
+  std::vector<double> setup, cpu_setup, adjust, cpu_adjust;
   auto nothing = options;
   nothing.max_iterations = 0;  // whatever is computed once and late
   for (int i = 0; i < repeat; ++i) {
     const stopwatch first;
     assign(ctx, problem);
     turbomap::adjust(ctx, problem, nothing);
-    setup.push_back(first.ms());
+    setup.push_back(first.ms()), cpu_setup.push_back(first.cpu_ms());
     const stopwatch second;
     s.summary = turbomap::adjust(ctx, problem, options);
-    adjust.push_back(second.ms());
+    adjust.push_back(second.ms()), cpu_adjust.push_back(second.cpu_ms());
   }
   s.ms_setup_first = setup.front();
-  if (setup.size() > 1) setup.erase(setup.begin()), adjust.erase(adjust.begin());
-  s.ms_setup = median(setup), s.ms_adjust = median(adjust);
+  if (repeat > 1)
+    for (auto* times : {&setup, &cpu_setup, &adjust, &cpu_adjust}) times->erase(times->begin());
+  s.ms_setup = median(setup), s.cpu_ms_setup = median(cpu_setup);
+  s.ms_adjust = median(adjust), s.cpu_ms_adjust = median(cpu_adjust);
   problem.frames(ctx, s.frames);
   problem.landmarks(ctx, s.landmarks);
   s.peak_bytes = counted.peak();
   return s;
 }
 
-/// Poses and points of a rig problem; Kernel is one of huber, no_kernel.
-template <class Kernel, class Policy, class Camera>
+/// Huber's kernel of a squared delta. Infinite: plain least squares, by the same templates.
+inline turbomap::huber huber_of(double delta2) {
+  turbomap::huber kernel;
+  kernel.delta2 = delta2 < 1e300 ? delta2 : 1e300;
+  return kernel;
+}
+
+/// Poses and points of a rig problem.
+template <class Policy, class Camera>
 solution<turbomap::rigid_transform<double>> solve_rig(const Policy& policy, int repeat,
                                                       const turbomap::adjustment_options& options,
-                                                      const rig_problem<Camera>& p, Kernel mono, Kernel stereo) {
-  using group = turbomap::reprojections<Camera, Kernel>;
-  using problem = turbomap::bundle_problem<Policy, turbomap::pose_frame, group>;
-  const auto observations = reprojections_of(p, mono, stereo);
+                                                      const rig_problem<Camera>& p, double mono_delta2 = 5.991,
+                                                      double stereo_delta2 = 7.815) {
+  using problem = turbomap::bundle_problem<Policy, turbomap::pose_frame, turbomap::reprojections<Camera>>;
+  const auto observations = reprojections_of(p, huber_of(mono_delta2), huber_of(stereo_delta2));
   const auto& d = p.data;
   return solve<problem>(policy, repeat, options, [&](auto& ctx, auto& to) {
     to.assign(ctx, {{d.T_cw.data(), d.T_cw.size()}, {d.fixed.data(), d.fixed.size()}},
@@ -119,11 +130,11 @@ solution<turbomap::rigid_transform<double>> solve_rig(const Policy& policy, int 
 }
 
 /// A BAL problem; none of its cameras is fixed: damping holds the gauge.
-template <class Kernel, class Policy>
+template <class Policy>
 solution<turbomap::self_calibrated_state<double>> solve_bal(const Policy& policy, int repeat,
                                                             const turbomap::adjustment_options& options,
-                                                            const turbomap::bal_problem& p, Kernel kernel) {
-  using group = turbomap::landmark_factors<turbomap::bal_reprojection, Kernel>;
+                                                            const turbomap::bal_problem& p, double delta2 = HUGE_VAL) {
+  using group = turbomap::landmark_factors<turbomap::bal_reprojection, turbomap::huber>;
   using problem = turbomap::bundle_problem<Policy, turbomap::self_calibrated_frame, group>;
   std::vector<turbomap::self_calibrated_state<double>> states;
   for (const auto& c : p.cameras) states.push_back(turbomap::bal_state(c));
@@ -131,7 +142,7 @@ solution<turbomap::self_calibrated_state<double>> solve_bal(const Policy& policy
                            {p.camera.data(), p.camera.size()},
                            {p.point.data(), p.point.size()},
                            {p.pixel.data(), p.pixel.size()},
-                           kernel};
+                           huber_of(delta2)};
   return solve<problem>(policy, repeat, options, [&](auto& ctx, auto& to) {
     to.assign(ctx, {{states.data(), states.size()}}, {{p.points.data(), p.points.size()}}, observations);
   });

@@ -1,10 +1,18 @@
 // SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Recorded local bundle adjustments: their costs and outliers, recomputed by the oracle, are those of the peer.
+// Recorded local bundle adjustments: their costs and outliers, recomputed by the oracle, are those of the peer; and ours end
+// where the peer's did.
 
+#include <replay/check_adjustment.hpp>
+#include <turbomap/camera/kannala_brandt.hpp>
+#include <turbomap/camera/pinhole.hpp>
 #include <turbomap/io/recording.hpp>
 #include <turbomap/io/recording_snapshot_adjustment.hpp>
+
+#include <thrust/execution_policy.h>
+#include <thrust/system/omp/execution_policy.h>
+#include <thrust/system/tbb/execution_policy.h>
 
 #include <algorithm>
 #include <cmath>
@@ -78,6 +86,38 @@ TEST_CASE("recorded costs and outliers are those of the recorded poses and point
       CHECK(differ == 0);
     }
     CHECK(visual > 0);
+  }
+}
+
+template <class Camera, class Policy>
+void adjust_all(const turbomap::recording& r, const std::filesystem::path& directory, const Policy& policy,
+                turbomap::precision numbers) {
+  turbomap_replay::adjustment_check<Camera, Policy> check(r, directory, policy, numbers, 1);
+  for (const auto iteration : r.meta.snapshots) check.check(iteration);
+  CHECK_FALSE(check.empty());
+  nlohmann::json json;
+  check.add_json(json);
+  CAPTURE(json.dump());
+  CHECK(check.good());
+}
+
+TEST_CASE("recorded problems are adjusted as well as by the peer") {
+  using turbomap::precision;
+  for (const char* name : {"euroc_v102_stereo", "euroc_v102_inertial", "tum_room1_stereo", "tum_room1_inertial"}) {
+    const auto directory = data(std::string("recordings/") + name);
+    if (!directory) return;
+    CAPTURE(std::string(name));
+    const auto r = turbomap::read_recording(*directory);
+    const auto run = [&](const auto& policy, precision numbers) {
+      if (r.meta.is_fisheye())
+        adjust_all<turbomap::kannala_brandt<float>>(r, *directory, policy, numbers);
+      else
+        adjust_all<turbomap::pinhole<float>>(r, *directory, policy, numbers);
+    };
+    run(thrust::seq, precision::float64);
+    run(thrust::seq, precision::mixed);
+    run(thrust::omp::par, precision::float64);
+    run(thrust::tbb::par, precision::float64);
   }
 }
 
