@@ -42,6 +42,22 @@ turbomap::turbomap, or compile with -DTHRUST_DEVICE_SYSTEM=THRUST_DEVICE_SYSTEM_
 #else
 #define TURBOMAP_DETAIL_TARGET _base
 #endif
+// Bytes of the vectors that math/pack.hpp computes with; 0: plain scalars. It follows the names above, so that one version
+// of a function never meets the other.
+#if TURBOMAP_HAS_CUDA || !defined(__GNUC__)
+#define TURBOMAP_VECTOR_BYTES 0
+#elif (defined(__AVX2__) && defined(__FMA__)) || (defined(__AVX512VPOPCNTDQ__) && defined(__AVX512VL__))
+#define TURBOMAP_VECTOR_BYTES 32
+#elif defined(__SSE2__) || defined(__ARM_NEON)
+#define TURBOMAP_VECTOR_BYTES 16
+#else
+#define TURBOMAP_VECTOR_BYTES 0
+#endif
+#if TURBOMAP_VECTOR_BYTES > 0 && defined(__x86_64__)
+#define TURBOMAP_X86_VECTORS 1
+#else
+#define TURBOMAP_X86_VECTORS 0
+#endif
 #define TURBOMAP_ABI TURBOMAP_DETAIL_JOIN(TURBOMAP_DETAIL_COMPILER, TURBOMAP_DETAIL_TARGET)
 
 #define TURBOMAP_BEGIN_NAMESPACE \

@@ -1,0 +1,187 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Cholesky factorisation of a sparse symmetric matrix of square blocks on the host, in an order of least degree: for long
+/// trajectories, where few frames share landmarks.
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <iterator>
+#include <vector>
+
+#include "../config.hpp"
+#include "../math/functions.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// \tparam D  rows of a block
+template <int D>
+class block_cholesky {
+ public:
+  static constexpr std::size_t square = static_cast<std::size_t>(D) * D;
+
+  /// Orders the rows and finds the blocks of the factor. Block k of the matrix couples row[k] < column[k]; diagonal blocks are
+  /// all there. O(n^2 + blocks of the factor times their rows).
+  void analyse(int n, const std::vector<std::int32_t>& row, const std::vector<std::int32_t>& column) {
+    n_ = n;
+    std::vector<std::vector<std::int32_t>> neighbours(at(n));
+    for (std::size_t k = 0; k < row.size(); ++k) {
+      neighbours[at(row[k])].push_back(column[k]);
+      neighbours[at(column[k])].push_back(row[k]);
+    }
+    for (auto& list : neighbours) std::sort(list.begin(), list.end());
+    place_.assign(at(n), -1), order_.clear();
+    begin_.assign(1, 0), rows_.clear();
+    std::vector<std::int32_t> merged;
+    for (int k = 0; k < n; ++k) {  // eliminates the row of least degree: its neighbours become a clique
+      int best = -1;
+      for (int i = 0; i < n; ++i)
+        if (place_[at(i)] < 0 && (best < 0 || neighbours[at(i)].size() < neighbours[at(best)].size())) best = i;
+      place_[at(best)] = k, order_.push_back(best);
+      auto& clique = neighbours[at(best)];
+      rows_.insert(rows_.end(), clique.begin(), clique.end());
+      begin_.push_back(rows_.size());
+      for (const auto i : clique) {
+        auto& mine = neighbours[at(i)];
+        merged.clear();
+        std::set_union(mine.begin(), mine.end(), clique.begin(), clique.end(), std::back_inserter(merged));
+        merged.erase(std::remove_if(merged.begin(), merged.end(), [&](auto j) { return j == i || j == best; }),
+                     merged.end());
+        mine = merged;
+      }
+      std::vector<std::int32_t>().swap(clique);
+    }
+    for (auto& r : rows_) r = place_[at(r)];
+    for (int k = 0; k < n; ++k) std::sort(rows_.begin() + offset(begin_[at(k)]), rows_.begin() + offset(begin_[at(k) + 1]));
+    source_.assign(row.size(), 0), transposed_.assign(row.size(), 0);
+    for (std::size_t b = 0; b < row.size(); ++b) {
+      const std::int32_t i = place_[at(row[b])], j = place_[at(column[b])], lower = std::max(i, j), k = std::min(i, j);
+      const auto first = rows_.begin() + offset(begin_[at(k)]), last = rows_.begin() + offset(begin_[at(k) + 1]);
+      source_[b] = static_cast<std::size_t>(std::lower_bound(first, last, lower) - rows_.begin());
+      transposed_[b] = i < j;  // stored below the diagonal: the given block has rows of the smaller one
+    }
+    position_.assign(at(n), 0);
+  }
+
+  /// \param blocks  n diagonal blocks, then the others in the order of analyse(), row-major, rows of row[k]
+  /// \param tolerance  a pivot below it times the diagonal element it came from: the matrix is singular
+  /// \return false: singular or not positive definite
+  bool factorise(const double* blocks, double tolerance = 1e-13) {
+    diagonal_.resize(at(n_) * square), lower_.assign(rows_.size() * square, 0);
+    for (int i = 0; i < n_; ++i)
+      std::copy_n(blocks + at(i) * square, square, diagonal_.begin() + offset(at(place_[at(i)]) * square));
+    for (std::size_t b = 0; b < source_.size(); ++b) {
+      const double* from = blocks + (at(n_) + b) * square;
+      double* to = lower_.data() + source_[b] * square;
+      for (int r = 0; r < D; ++r)
+        for (int c = 0; c < D; ++c) to[r * D + c] = transposed_[b] ? from[c * D + r] : from[r * D + c];
+    }
+    original_.resize(at(n_) * D);
+    for (int k = 0; k < n_; ++k)
+      for (int i = 0; i < D; ++i) original_[at(k) * D + at(i)] = diagonal_[at(k) * square + at(i * (D + 1))];
+    for (int k = 0; k < n_; ++k) {
+      if (!factorise_diagonal(k, tolerance)) return false;
+      eliminate(k);
+    }
+    return true;
+  }
+
+  /// Solves for x in place, in the order of the caller.
+  void solve(double* x) {
+    solution_.resize(at(n_) * D);
+    for (int i = 0; i < n_; ++i) std::copy_n(x + at(i) * D, D, solution_.data() + at(place_[at(i)]) * D);
+    for (int k = 0; k < n_; ++k) {
+      double* y = solution_.data() + at(k) * D;
+      const double* l = diagonal_.data() + at(k) * square;
+      for (int i = 0; i < D; ++i) {
+        for (int j = 0; j < i; ++j) y[i] -= l[i * D + j] * y[j];
+        y[i] /= l[i * D + i];
+      }
+      for (std::size_t p = begin_[at(k)]; p < begin_[at(k) + 1]; ++p) {
+        double* z = solution_.data() + at(rows_[p]) * D;
+        const double* m = lower_.data() + p * square;
+        for (int i = 0; i < D; ++i)
+          for (int j = 0; j < D; ++j) z[i] -= m[i * D + j] * y[j];
+      }
+    }
+    for (int k = n_ - 1; k >= 0; --k) {
+      double* y = solution_.data() + at(k) * D;
+      for (std::size_t p = begin_[at(k)]; p < begin_[at(k) + 1]; ++p) {
+        const double* z = solution_.data() + at(rows_[p]) * D;
+        const double* m = lower_.data() + p * square;
+        for (int i = 0; i < D; ++i)
+          for (int j = 0; j < D; ++j) y[j] -= m[i * D + j] * z[i];
+      }
+      const double* l = diagonal_.data() + at(k) * square;
+      for (int i = D - 1; i >= 0; --i) {
+        for (int j = i + 1; j < D; ++j) y[i] -= l[j * D + i] * y[j];
+        y[i] /= l[i * D + i];
+      }
+    }
+    for (int i = 0; i < n_; ++i) std::copy_n(solution_.data() + at(place_[at(i)]) * D, D, x + at(i) * D);
+  }
+
+  /// Blocks of the factor below the diagonal.
+  std::size_t fill() const { return rows_.size(); }
+
+ private:
+  static std::size_t at(int i) { return static_cast<std::size_t>(i); }
+  static std::ptrdiff_t offset(std::size_t i) { return static_cast<std::ptrdiff_t>(i); }
+
+  bool factorise_diagonal(int k, double tolerance) {
+    double* l = diagonal_.data() + at(k) * square;
+    for (int j = 0; j < D; ++j) {
+      for (int i = j; i < D; ++i)
+        for (int m = 0; m < j; ++m) l[i * D + j] -= l[i * D + m] * l[j * D + m];
+      const double pivot = l[j * D + j];
+      if (!(pivot > tolerance * original_[at(k) * D + at(j)]) || !(pivot > 0) || !detail::is_finite(pivot)) return false;
+      const double root = std::sqrt(pivot);
+      l[j * D + j] = root;
+      for (int i = j + 1; i < D; ++i) l[i * D + j] /= root;
+    }
+    return true;
+  }
+
+  /// Blocks of column k through the factor of its diagonal, then their products out of the later columns.
+  void eliminate(int k) {
+    const double* l = diagonal_.data() + at(k) * square;
+    for (std::size_t p = begin_[at(k)]; p < begin_[at(k) + 1]; ++p) {
+      double* m = lower_.data() + p * square;
+      for (int r = 0; r < D; ++r)
+        for (int c = 0; c < D; ++c) {
+          for (int j = 0; j < c; ++j) m[r * D + c] -= m[r * D + j] * l[c * D + j];
+          m[r * D + c] /= l[c * D + c];
+        }
+    }
+    for (std::size_t p = begin_[at(k)]; p < begin_[at(k) + 1]; ++p) {
+      const std::int32_t j = rows_[p];
+      const double* right = lower_.data() + p * square;
+      subtract(diagonal_.data() + at(j) * square, right, right);
+      for (std::size_t q = begin_[at(j)]; q < begin_[at(j) + 1]; ++q) position_[at(rows_[q])] = q;
+      for (std::size_t q = p + 1; q < begin_[at(k) + 1]; ++q)
+        subtract(lower_.data() + position_[at(rows_[q])] * square, lower_.data() + q * square, right);
+    }
+  }
+
+  /// to -= left right^T
+  static void subtract(double* to, const double* left, const double* right) {
+    for (int r = 0; r < D; ++r)
+      for (int c = 0; c < D; ++c) {
+        double sum = 0;
+        for (int m = 0; m < D; ++m) sum += left[r * D + m] * right[c * D + m];
+        to[r * D + c] -= sum;
+      }
+  }
+
+  int n_ = 0;
+  std::vector<std::int32_t> place_, order_, rows_;  ///< place of a row in the order; rows of each column, by place
+  std::vector<std::size_t> begin_, source_, position_;
+  std::vector<char> transposed_;
+  std::vector<double> diagonal_, lower_, original_, solution_;
+};
+
+TURBOMAP_END_NAMESPACE

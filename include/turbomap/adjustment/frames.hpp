@@ -1,0 +1,67 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What a frame is to an adjustment: its state, how many unknowns it has, and how a step changes it.
+///
+///     struct my_frame {
+///       static constexpr int dof = 15;           // unknowns of a frame: the size of its block
+///       static constexpr int landmark_dof = 6;   // the first so many of them are all that factors with landmarks depend on
+///       template <class S> struct state { ... }; // trivially copyable for S = double
+///       template <class S> TURBOMAP_HD static state<S> retract(const state<double>& x, const S* step);
+///       template <class S> TURBOMAP_HD static rigid_transform<S> pose(const state<S>& x);   // T_cw, for reprojections
+///     };
+///
+/// S is double, or a dual number when derivatives are taken at step = 0. Where reprojection groups are used, the first six
+/// unknowns are those of the pose, as in pose_frame.
+
+#include "../config.hpp"
+#include "../math/rotation.hpp"
+#include "../types.hpp"
+
+namespace turbomap {
+
+/// A frame that is a pose `T_cw`. Its step is (omega, v), radians then metres, on the left: T_cw <- exp(omega, v) T_cw. The
+/// quaternion is of unit length afterwards.
+struct pose_frame {
+  static constexpr int dof = 6;
+  static constexpr int landmark_dof = 6;
+  template <class S>
+  using state = rigid_transform<S>;
+
+  template <class S, class = detail::this_target>
+  TURBOMAP_HD static rigid_transform<S> retract(const rigid_transform<double>& T_cw, const S* step) {
+    return left_exp(step, T_cw);
+  }
+  template <class S, class = detail::this_target>
+  TURBOMAP_HD static const rigid_transform<S>& pose(const rigid_transform<S>& T_cw) {
+    return T_cw;
+  }
+};
+
+/// A pose and a lens of its own: focal length (px) and two radial coefficients [BAL: Agarwal et al., ECCV 2010].
+template <class S>
+struct self_calibrated_state {
+  rigid_transform<S> T_cw;
+  S f = S(1), k1 = S(0), k2 = S(0);
+};
+
+/// The nine-parameter cameras of BAL: six of the pose as in pose_frame, then f, k1, k2.
+struct self_calibrated_frame {
+  static constexpr int dof = 9;
+  static constexpr int landmark_dof = 9;
+  template <class S>
+  using state = self_calibrated_state<S>;
+
+  template <class S, class = detail::this_target>
+  TURBOMAP_HD static self_calibrated_state<S> retract(const self_calibrated_state<double>& x, const S* step) {
+    return {left_exp(step, x.T_cw), S(x.f) + step[6], S(x.k1) + step[7], S(x.k2) + step[8]};
+  }
+  template <class S, class = detail::this_target>
+  TURBOMAP_HD static const rigid_transform<S>& pose(const self_calibrated_state<S>& x) {
+    return x.T_cw;
+  }
+};
+
+}  // namespace turbomap

@@ -1,0 +1,247 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Function objects that linearise a chunk of reprojections, or sum its robust cost: index = chunk.
+
+#include <cstdint>
+
+#include "../config.hpp"
+#include "../types.hpp"
+#include "reprojection.hpp"
+#include "structure.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Sizes of what a factor with landmarks gives, V = unknowns of the frame that it depends on. Symmetric matrices are lower
+/// triangles, row by row; b is the negative gradient.
+template <int V>
+struct landmark_block {
+  static constexpr int triangle = V * (V + 1) / 2;
+  static constexpr int partial = triangle + V;  ///< of a chunk: H of the frame, b of the frame
+  static constexpr int row = 9;                 ///< of an observation: H of the landmark (6), b of the landmark (3)
+  static constexpr int coupling = 3 * V;        ///< of an observation: column by column, d_frame^T w d_landmark
+};
+
+/// What the functions of all groups write into. [chunk] is counted over all groups.
+template <class A>
+struct landmark_sums {
+  double* partial;
+  A* row;
+  A* coupling;
+};
+
+/// A group of reprojections where the policy computes, in the order of its structure.
+template <class Camera, class Kernel>
+struct reprojection_view {
+  const observation_chunk* chunks;
+  const adjustment_camera<Camera>* cameras;
+  const std::int32_t* landmark;
+  const std::int32_t* row;
+  const std::int32_t* coupling;
+  const double* u;
+  const double* v;
+  const double* u_right;
+  const double* information;
+  Kernel mono, stereo;
+  double undefined_chi2;
+  int first_partial;
+
+  template <class T, int N>
+  TURBOMAP_HD vec3<pack<T, N>> points(const double* landmarks, int i) const {
+    using P = pack<T, N>;
+    return {P::gather(landmarks, landmark + i, landmark_stride), P::gather(landmarks + 1, landmark + i, landmark_stride),
+            P::gather(landmarks + 2, landmark + i, landmark_stride)};
+  }
+  template <class T, int N>
+  TURBOMAP_HD vec3<pack<T, N>> measurements(int i) const {
+    return {convert<T>(pack<double, N>::load(u + i)), convert<T>(pack<double, N>::load(v + i)),
+            convert<T>(pack<double, N>::load(u_right + i))};
+  }
+};
+
+/// \tparam G  numbers of residuals  \tparam A  numbers of the normal equations  \tparam N  lanes
+template <class Camera, class Kernel, class G, class A, int N, int V>
+struct linearise_reprojections {
+  static_assert(V >= 6, "turbomap: a reprojection depends on the six unknowns of a pose");
+  using block = landmark_block<V>;
+  reprojection_view<Camera, Kernel> group;
+  const isometry<double>* T_bw;  ///< [frame]
+  const double* landmarks;
+  landmark_sums<A> sums;
+
+  TURBOMAP_HD void operator()(int chunk) const {
+    const observation_chunk& c = group.chunks[chunk];
+    if (c.kind % 2 == 1)
+      chunk_of<true>(c, group.stereo, chunk);
+    else
+      chunk_of<false>(c, group.mono, chunk);
+  }
+
+ private:
+  using P = pack<A, N>;
+
+  template <bool Stereo>
+  TURBOMAP_HD void chunk_of(const observation_chunk& c, const Kernel& kernel, int chunk) const {
+    const isometry<double>& T = T_bw[c.frame];
+    const auto& camera = group.cameras[c.kind / 2];
+    P H[21], b[6], R[9];
+    for (int i = 0; i < 21; ++i) H[i] = P(A(0));
+    for (int i = 0; i < 6; ++i) b[i] = P(A(0));
+    for (int i = 0; i < 9; ++i) R[i] = P(static_cast<A>(T.R.m[i]));
+    for (int i = 0; i < c.count; i += N)
+      observe<Stereo>(c, c.begin + i, c.count - i < N ? c.count - i : N, kernel, camera, T, R, H, b);
+    if (c.free < 0) return;
+    double* out = sums.partial + static_cast<std::ptrdiff_t>(group.first_partial + chunk) * block::partial;
+    for (int i = 0; i < block::partial; ++i) out[i] = 0;
+    for (int i = 0; i < 21; ++i) out[i] = static_cast<double>(sum(H[i]));
+    for (int i = 0; i < 6; ++i) out[block::triangle + i] = static_cast<double>(sum(b[i]));
+  }
+
+  template <bool Stereo>
+  TURBOMAP_HD void observe(const observation_chunk& c, int i, int count, const Kernel& kernel,
+                           const adjustment_camera<Camera>& camera, const isometry<double>& T, const P (&R)[9],
+                           P (&H)[21], P (&b)[6]) const {
+    constexpr int size = Stereo ? 3 : 2;
+    const auto body = transform(T, group.template points<G, N>(landmarks, i));
+    const auto information = convert<G>(pack<double, N>::load(group.information + i));
+    lane_reprojection<G, A, N> r;
+    r.template compute<true, Stereo>(camera, body, group.template measurements<G, N>(i));
+    pack<G, N> chi2 = r.e[0] * r.e[0] + r.e[1] * r.e[1], rho, weight;
+    if constexpr (Stereo) chi2 = chi2 + r.e[2] * r.e[2];
+    apply_kernel(kernel, information * chi2, rho, weight);
+    const P w = convert<A>(weight * information * r.defined);
+
+    // M = d^T w d and g = d^T w e, by the point in body coordinates.
+    P e[3], M[6], g[3];
+    for (int k = 0; k < size; ++k) e[k] = convert<A>(r.e[k]);
+    for (int row = 0; row < 3; ++row) {
+      P wd[3];
+      for (int k = 0; k < size; ++k) wd[k] = w * r.d[k][row];
+      g[row] = wd[0] * e[0];
+      for (int k = 1; k < size; ++k) g[row] = multiply_add(wd[k], e[k], g[row]);
+      for (int column = 0; column <= row; ++column) {
+        P m = wd[0] * r.d[0][column];
+        for (int k = 1; k < size; ++k) m = multiply_add(wd[k], r.d[k][column], m);
+        M[row * (row + 1) / 2 + column] = m;
+      }
+    }
+    const P S[9] = {M[0], M[1], M[3], M[1], M[2], M[4], M[3], M[4], M[5]};
+
+    // By the landmark: through the rotation. MR is also the lower half of the coupling.
+    P MR[9], out[9];
+    for (int k = 0; k < 3; ++k)
+      for (int m = 0; m < 3; ++m)
+        MR[3 * k + m] = multiply_add(S[3 * k], R[m], multiply_add(S[3 * k + 1], R[3 + m], S[3 * k + 2] * R[6 + m]));
+    for (int k = 0; k < 3; ++k) {
+      for (int m = 0; m <= k; ++m)
+        out[k * (k + 1) / 2 + m] = multiply_add(R[k], MR[m], multiply_add(R[3 + k], MR[3 + m], R[6 + k] * MR[6 + m]));
+      out[6 + k] = -multiply_add(R[k], g[0], multiply_add(R[3 + k], g[1], R[6 + k] * g[2]));
+    }
+    scatter(out, sums.row, group.row + i, block::row, count);
+    if (c.free < 0) return;
+
+    // By the frame's step: the point moves by omega x X + v.
+    const vec3<P> X{convert<A>(body.x), convert<A>(body.y), convert<A>(body.z)};
+    P coupling[block::coupling], F[9];  // F = [X]x M
+    for (int k = 0; k < 3; ++k) {
+      P* w_column = coupling + k * V;
+      w_column[0] = X.y * MR[6 + k] - X.z * MR[3 + k];
+      w_column[1] = X.z * MR[k] - X.x * MR[6 + k];
+      w_column[2] = X.x * MR[3 + k] - X.y * MR[k];
+      w_column[3] = MR[k], w_column[4] = MR[3 + k], w_column[5] = MR[6 + k];
+      for (int m = 6; m < V; ++m) w_column[m] = P(A(0));
+      F[k] = X.y * S[6 + k] - X.z * S[3 + k];
+      F[3 + k] = X.z * S[k] - X.x * S[6 + k];
+      F[6 + k] = X.x * S[3 + k] - X.y * S[k];
+    }
+    scatter(coupling, sums.coupling, group.coupling + i, block::coupling, count);
+    for (int k = 0; k < 3; ++k) {  // rows omega: F [X]x^T = X x (row of F)
+      const P* f = F + 3 * k;
+      const P row[3] = {X.y * f[2] - X.z * f[1], X.z * f[0] - X.x * f[2], X.x * f[1] - X.y * f[0]};
+      for (int m = 0; m <= k; ++m) H[k * (k + 1) / 2 + m] = H[k * (k + 1) / 2 + m] + row[m];
+    }
+    for (int k = 0; k < 3; ++k) {  // rows v
+      P* row = H + (3 + k) * (4 + k) / 2;
+      for (int m = 0; m < 3; ++m) row[m] = row[m] + F[3 * m + k];
+      for (int m = 0; m <= k; ++m) row[3 + m] = row[3 + m] + S[3 * k + m];
+      b[3 + k] = b[3 + k] - g[k];
+    }
+    b[0] = b[0] - (X.y * g[2] - X.z * g[1]);
+    b[1] = b[1] - (X.z * g[0] - X.x * g[2]);
+    b[2] = b[2] - (X.x * g[1] - X.y * g[0]);
+  }
+};
+
+/// Robust cost of a chunk, and how many of its observations are not defined.
+template <class Camera, class Kernel, class G, int N>
+struct cost_of_reprojections {
+  reprojection_view<Camera, Kernel> group;
+  const isometry<double>* T_bw;
+  const double* landmarks;
+  double* cost;       ///< [chunk] counted over all groups
+  double* undefined;  ///< [chunk]
+
+  TURBOMAP_HD void operator()(int chunk) const {
+    const observation_chunk& c = group.chunks[chunk];
+    if (c.kind % 2 == 1)
+      chunk_of<true>(c, group.stereo, chunk);
+    else
+      chunk_of<false>(c, group.mono, chunk);
+  }
+
+ private:
+  template <bool Stereo>
+  TURBOMAP_HD void chunk_of(const observation_chunk& c, const Kernel& kernel, int chunk) const {
+    using P = pack<G, N>;
+    const P one(G(1)), zero(G(0));
+    double rho_undefined, unused;
+    kernel(group.undefined_chi2, rho_undefined, unused);
+    P total = zero, missing = zero;
+    for (int i = c.begin; i < c.begin + c.count; i += N) {
+      lane_reprojection<G, G, N> r;
+      const auto body = transform(T_bw[c.frame], group.template points<G, N>(landmarks, i));
+      r.template compute<false, Stereo>(group.cameras[c.kind / 2], body, group.template measurements<G, N>(i));
+      const auto information = convert<G>(pack<double, N>::load(group.information + i));
+      P chi2 = r.e[0] * r.e[0] + r.e[1] * r.e[1], rho, weight;
+      if constexpr (Stereo) chi2 = chi2 + r.e[2] * r.e[2];
+      apply_kernel(kernel, information * chi2, rho, weight);
+      total = total + rho * r.defined;
+      missing = missing + select_greater(information, zero, one - r.defined, zero);  // padding has no information
+    }
+    const double undefined_count = static_cast<double>(sum(missing));
+    cost[group.first_partial + chunk] = static_cast<double>(sum(total)) + undefined_count * rho_undefined;
+    undefined[group.first_partial + chunk] = undefined_count;
+  }
+};
+
+/// chi2 (not robust; undefined_chi2 where not defined) and depth in its camera of each entry of a chunk.
+template <class Camera, class Kernel>
+struct chi2_of_reprojections {
+  reprojection_view<Camera, Kernel> group;
+  const isometry<double>* T_bw;
+  const double* landmarks;
+  double* chi2;   ///< [entry]
+  double* depth;  ///< [entry] m
+
+  TURBOMAP_HD void operator()(int chunk) const {
+    const observation_chunk& c = group.chunks[chunk];
+    const auto& camera = group.cameras[c.kind / 2];
+    for (int i = c.begin; i < c.begin + c.count; ++i) {
+      lane_reprojection<double, double, 1> r{};
+      const auto body = transform(T_bw[c.frame], group.template points<double, 1>(landmarks, i));
+      const auto measured = group.template measurements<double, 1>(i);
+      if (c.kind % 2 == 1)
+        r.template compute<false, true>(camera, body, measured);
+      else
+        r.template compute<false, false>(camera, body, measured);
+      double s = r.e[0].v[0] * r.e[0].v[0] + r.e[1].v[0] * r.e[1].v[0];
+      if (c.kind % 2 == 1) s += r.e[2].v[0] * r.e[2].v[0];
+      chi2[i] = r.defined.v[0] > 0 ? s * group.information[i] : group.undefined_chi2;
+      depth[i] = (camera.is_body ? body : transform(camera.T_camera_body, body)).z.v[0];
+    }
+  }
+};
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,99 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What a bundle adjustment takes and tells, as plain data: options, and a summary of what happened and why it ended.
+
+#include <atomic>
+#include <cstdint>
+#include <vector>
+
+#include "../config.hpp"
+
+namespace turbomap {
+
+/// Which numbers an adjustment computes in. States, and the cost that decides about a step, are float64 in the first two.
+enum class precision : std::uint8_t {
+  float64,
+  mixed,   ///< residuals in float64, normal equations in float32, their reduced system factorised in float64
+  float32  ///< residuals and normal equations in float32; the factorisation stays float64 (it is small)
+};
+
+/// How the reduced system of the frames is solved.
+enum class reduced_solver : std::uint8_t {
+  automatic,  ///< dense up to adjustment_options::dense_limit unknowns, then sparse, then pcg
+  dense,      ///< Cholesky of a full matrix: local problems
+  sparse,     ///< Cholesky of the blocks that exist, in a fill-reducing order: long trajectories
+  pcg         ///< conjugate gradients on the implicit Schur complement, block-Jacobi preconditioner: large problems
+};
+
+/// Options of adjust(). Defaults are those of [ORB-SLAM3]'s local adjustment where it has them.
+struct adjustment_options {
+  int max_iterations = 10;      ///< linearisations
+  int max_retries = 10;         ///< larger dampings tried on one linearisation (g2o)
+  double initial_lambda = 0;    ///< damping at the start; 0: initial_lambda_scale times the largest diagonal element
+  double initial_lambda_scale = 1e-5;  ///< tau [Nielsen 1999; g2o]
+  double min_relative_decrease = 0;    ///< an iteration that gains less (relative to the cost) is a slow one; 0: never
+  int slow_iterations = 3;             ///< as many slow ones in a row end the adjustment [ORB-SLAM3: 1e-3, 3]
+  double min_predicted_decrease = 1e-14;  ///< ends where a step promises less than this times the cost
+  double time_budget_ms = 0;           ///< ends after the iteration that exceeds it; 0: no limit
+  const std::atomic<bool>* stop = nullptr;  ///< looked at between steps; honoured within one iteration
+  precision numbers = precision::float64;
+  reduced_solver solver = reduced_solver::automatic;
+  int dense_limit = 1200;       ///< unknowns up to which `automatic` takes the dense solver
+  int sparse_limit = 12000;     ///< unknowns up to which it takes the sparse one
+  double sparse_fill = 0.3;     ///< ... unless more than this part of the blocks exist: then pcg
+  double pcg_tolerance = 1e-6;  ///< relative residual at which conjugate gradients stop
+  int pcg_max_iterations = 500;
+};
+
+/// Why an adjustment ended.
+enum class adjustment_end : std::uint8_t {
+  max_iterations,   ///< as many as were asked for
+  converged,        ///< no gradient left, or the decrease was slow for long enough
+  no_descent,       ///< no damping gave a smaller cost: it is as small as the numbers allow
+  stopped,          ///< the flag was set
+  time_budget,      ///< the time was used up
+  no_observations,  ///< there is nothing to adjust to
+  nothing_free,     ///< all frames and landmarks are fixed
+  not_finite,       ///< the cost at the start is not a number: an input is NaN or infinite
+  singular          ///< the reduced system could not be factorised with any damping
+};
+
+/// One linearisation with all its steps.
+struct adjustment_iteration {
+  double cost;    ///< at its end
+  double lambda;  ///< of its last step
+  int steps;      ///< tried; the last one was accepted unless the adjustment ended
+  int linear_iterations;  ///< of conjugate gradients, all steps together
+};
+
+/// What an adjustment did. Costs are sums of rho(chi2) over all residual blocks (not halved).
+struct adjustment_summary {
+  double cost_initial = 0;
+  double cost_final = 0;
+  int iterations = 0;  ///< linearisations that were solved
+  int accepted = 0;    ///< iterations that changed the state; 0: it is unchanged to the last bit
+  int undefined = 0;   ///< observations whose camera could not project their landmark at the end
+  adjustment_end end = adjustment_end::max_iterations;
+  std::vector<adjustment_iteration> each;
+};
+
+/// The words of an adjustment_end, e.g. for a log.
+inline const char* to_string(adjustment_end end) {
+  switch (end) {
+    case adjustment_end::max_iterations: return "the number of iterations was reached";
+    case adjustment_end::converged: return "converged";
+    case adjustment_end::no_descent: return "no step decreased the cost";
+    case adjustment_end::stopped: return "stopped by the caller";
+    case adjustment_end::time_budget: return "the time was used up";
+    case adjustment_end::no_observations: return "no observations";
+    case adjustment_end::nothing_free: return "nothing is free to move";
+    case adjustment_end::not_finite: return "the cost at the start is not finite";
+    case adjustment_end::singular: return "the reduced system is singular";
+  }
+  return "unknown";
+}
+
+}  // namespace turbomap

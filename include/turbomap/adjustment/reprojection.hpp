@@ -1,0 +1,184 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Residuals of reprojections and their derivatives by the point in the body's coordinates, lane by lane: what the built-in
+/// factor group computes. A pinhole is computed in packs, any other camera by its own functions, one lane after the other.
+
+#include <cmath>
+#include <cstdint>
+
+#include "../camera/camera_concept.hpp"
+#include "../camera/rig.hpp"
+#include "../config.hpp"
+#include "../math/dual.hpp"
+#include "../math/functions.hpp"
+#include "../math/linear.hpp"
+#include "../math/pack_convert.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Lanes the host computes with; a device thread computes one.
+inline constexpr int host_lanes = TURBOMAP_VECTOR_BYTES > 0 ? 8 : 1;
+
+/// A landmark takes this many doubles: one aligned vector.
+inline constexpr int landmark_stride = 4;
+
+/// A camera of the rig, prepared.
+template <class Camera>
+struct adjustment_camera {
+  Camera camera;
+  isometry<double> T_camera_body;
+  pinhole<double> K;  ///< where straight
+  double bf;
+  bool straight;  ///< a pinhole: computed in packs
+  bool is_body;   ///< T_camera_body is the identity
+
+  adjustment_camera() = default;
+  explicit adjustment_camera(const rig_camera<Camera>& c)
+      : camera(c.camera), T_camera_body(to_isometry<double>(c.T_camera_body)), K(), bf(c.bf) {
+    straight = as_pinhole(c.camera, K);
+    const auto& T = c.T_camera_body;
+    is_body = T.qx == 0 && T.qy == 0 && T.qz == 0 && T.tx == 0 && T.ty == 0 && T.tz == 0;
+  }
+};
+
+/// Pixel and derivative of one point in camera coordinates; dual numbers where the model has no derivative.
+template <class Camera>
+TURBOMAP_HD bool project_with_derivative(const Camera& camera, const vec3<double>& p, vec2<double>& pixel,
+                                         mat23<double>& d) {
+  if (!camera.project(p, pixel)) return false;
+  if constexpr (has_jacobian_v<Camera>) {
+    if (camera.jacobian(p, d)) return true;
+  }
+  using D = dual<3>;
+  vec2<D> q;
+  if (!camera.project(vec3<D>{D::variable(p.x, 0), D::variable(p.y, 1), D::variable(p.z, 2)}, q)) return false;
+  for (int i = 0; i < 3; ++i) d(0, i) = q.x.d[i], d(1, i) = q.y.d[i];
+  return true;
+}
+
+template <class T, int N>
+TURBOMAP_HD vec3<pack<T, N>> transform(const isometry<double>& T_ab, const vec3<pack<T, N>>& x) {
+  using P = pack<T, N>;
+  P c[9];
+  for (int i = 0; i < 9; ++i) c[i] = P(static_cast<T>(T_ab.R.m[i]));
+  return {multiply_add(c[0], x.x, multiply_add(c[1], x.y, multiply_add(c[2], x.z, P(static_cast<T>(T_ab.t.x))))),
+          multiply_add(c[3], x.x, multiply_add(c[4], x.y, multiply_add(c[5], x.z, P(static_cast<T>(T_ab.t.y))))),
+          multiply_add(c[6], x.x, multiply_add(c[7], x.y, multiply_add(c[8], x.z, P(static_cast<T>(T_ab.t.z)))))};
+}
+
+/// Rows (u, v and, where Stereo, u_right) of N observations.
+/// \tparam G  numbers of residuals   \tparam A  numbers of derivatives
+template <class G, class A, int N>
+struct lane_reprojection {
+  pack<G, N> e[3];     ///< projection minus measurement, px; where not defined: anything finite
+  pack<G, N> defined;  ///< 1 or 0
+  pack<A, N> d[3][3];  ///< derivatives of e by the point in body coordinates
+
+  /// \param body  the points in body coordinates   \param measured  u, v, u_right
+  template <bool Derivative, bool Stereo, class Camera>
+  TURBOMAP_HD void compute(const adjustment_camera<Camera>& c, const vec3<pack<G, N>>& body,
+                           const vec3<pack<G, N>>& measured) {
+    const vec3<pack<G, N>> p = c.is_body ? body : transform(c.T_camera_body, body);
+    pack<G, N> z = p.z;
+    if (c.straight)
+      straight<Derivative>(c, p, measured, z);
+    else
+      curved<Derivative>(c, p, measured, z);
+    if constexpr (Stereo) {  // u_right = u - bf / z
+      const pack<G, N> iz = pack<G, N>(G(1)) / z, disparity = pack<G, N>(static_cast<G>(c.bf)) * iz;
+      e[2] = e[0] + measured.x - disparity - measured.z;
+      if constexpr (Derivative) {
+        d[2][0] = d[0][0], d[2][1] = d[0][1];
+        d[2][2] = d[0][2] + convert<A>(disparity * iz);
+      }
+    }
+    if constexpr (Derivative) {
+      if (!c.is_body)
+        for (int r = 0; r < (Stereo ? 3 : 2); ++r) {
+          const pack<A, N> x = d[r][0], y = d[r][1], w = d[r][2];
+          for (int k = 0; k < 3; ++k) {
+            const mat3<double>& R = c.T_camera_body.R;
+            d[r][k] = x * pack<A, N>(static_cast<A>(R(0, k))) + y * pack<A, N>(static_cast<A>(R(1, k))) +
+                      w * pack<A, N>(static_cast<A>(R(2, k)));
+          }
+        }
+    }
+  }
+
+ private:
+  /// Undefined within 1e-6 rad of the focal plane: numbers would overflow there.
+  template <bool Derivative, class Camera>
+  TURBOMAP_HD void straight(const adjustment_camera<Camera>& c, const vec3<pack<G, N>>& p,
+                            const vec3<pack<G, N>>& measured, pack<G, N>& z) {
+    using P = pack<G, N>;
+    const P one(G(1)), size = larger(p.x, -p.x) + larger(p.y, -p.y), limit = P(G(1e-6)) * size, depth = larger(z, -z);
+    defined = select_greater(depth, limit, one, P(G(0)));
+    z = select_greater(depth, limit, z, one);
+    const P iz = one / z, x = select_greater(depth, limit, p.x * iz, P(G(0)));
+    const P y = select_greater(depth, limit, p.y * iz, P(G(0)));
+    const P fx(static_cast<G>(c.K.fx)), fy(static_cast<G>(c.K.fy));
+    e[0] = multiply_add(fx, x, P(static_cast<G>(c.K.cx))) - measured.x;
+    e[1] = multiply_add(fy, y, P(static_cast<G>(c.K.cy))) - measured.y;
+    if constexpr (Derivative) {
+      const pack<A, N> i = convert<A>(iz), a = pack<A, N>(static_cast<A>(c.K.fx)) * i,
+                       b = pack<A, N>(static_cast<A>(c.K.fy)) * i, zero(A(0));
+      d[0][0] = a, d[0][1] = zero, d[0][2] = -(a * convert<A>(x));
+      d[1][0] = zero, d[1][1] = b, d[1][2] = -(b * convert<A>(y));
+    }
+  }
+
+  template <bool Derivative, class Camera>
+  TURBOMAP_HD void curved(const adjustment_camera<Camera>& c, const vec3<pack<G, N>>& p,
+                          const vec3<pack<G, N>>& measured, pack<G, N>& z) {
+    G x[N], y[N], depth[N], u[N], v[N], ok[N];
+    A slope[6][N];
+    p.x.store(x), p.y.store(y), p.z.store(depth), measured.x.store(u), measured.y.store(v);
+    for (int l = 0; l < N; ++l) {
+      const vec3<double> q{static_cast<double>(x[l]), static_cast<double>(y[l]), static_cast<double>(depth[l])};
+      vec2<double> pixel{static_cast<double>(u[l]), static_cast<double>(v[l])};
+      mat23<double> D{};
+      bool good;
+      if constexpr (Derivative)
+        good = project_with_derivative(c.camera, q, pixel, D);
+      else
+        good = c.camera.project(q, pixel);
+      ok[l] = good ? G(1) : G(0);
+      u[l] = static_cast<G>(pixel.x - static_cast<double>(u[l])), v[l] = static_cast<G>(pixel.y - static_cast<double>(v[l]));
+      if (!good || depth[l] == G(0)) depth[l] = G(1);  // used where there is a right image only
+      if constexpr (Derivative)
+        for (int k = 0; k < 6; ++k) slope[k][l] = static_cast<A>(D.m[k]);
+    }
+    e[0] = pack<G, N>::load(u), e[1] = pack<G, N>::load(v);
+    defined = pack<G, N>::load(ok);
+    z = pack<G, N>::load(depth);
+    if constexpr (Derivative)
+      for (int k = 0; k < 6; ++k) d[k / 3][k % 3] = pack<A, N>::load(slope[k]);
+  }
+};
+
+/// rho and weight of each lane: in packs where the kernel can, else one by one.
+template <class Kernel, class = void>
+struct kernel_takes_packs : std::false_type {};
+template <class Kernel>
+struct kernel_takes_packs<Kernel, std::enable_if_t<Kernel::for_packs>> : std::true_type {};
+
+template <class Kernel, class G, int N>
+TURBOMAP_HD void apply_kernel(const Kernel& kernel, const pack<G, N>& chi2, pack<G, N>& rho, pack<G, N>& weight) {
+  if constexpr (kernel_takes_packs<Kernel>::value && N > 1) {
+    kernel(chi2, rho, weight);
+  } else {
+    G s[N], r[N], w[N];
+    chi2.store(s);
+    for (int l = 0; l < N; ++l) {
+      double rho_l, weight_l;
+      kernel(static_cast<double>(s[l]), rho_l, weight_l);
+      r[l] = static_cast<G>(rho_l), w[l] = static_cast<G>(weight_l);
+    }
+    rho = pack<G, N>::load(r), weight = pack<G, N>::load(w);
+  }
+}
+
+TURBOMAP_END_NAMESPACE

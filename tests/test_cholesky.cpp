@@ -1,0 +1,142 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+// Dense and block-sparse Cholesky against Eigen; singular matrices are told.
+
+#include <doctest/doctest.h>
+
+#include <random>
+#include <vector>
+
+#include <turbomap/adjustment/block_cholesky.hpp>
+#include <turbomap/adjustment/dense_cholesky.hpp>
+
+#include "reference/eigen.hpp"
+TURBOMAP_TEST_EIGEN_BEGIN
+#include <Eigen/Cholesky>
+TURBOMAP_TEST_EIGEN_END
+
+namespace {
+
+using turbomap::block_cholesky;
+using turbomap::dense_cholesky;
+
+Eigen::MatrixXd random_matrix(int rows, int columns, unsigned seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  return Eigen::MatrixXd::NullaryExpr(rows, columns, [&]() { return normal(random); });
+}
+
+/// Positive definite, of a rank.
+Eigen::MatrixXd symmetric(int n, int rank, unsigned seed) {
+  const Eigen::MatrixXd J = random_matrix(rank, n, seed);
+  return J.transpose() * J;
+}
+
+std::vector<double> padded_copy(const Eigen::MatrixXd& S) {
+  const int n = static_cast<int>(S.rows()), m = dense_cholesky::padded(n);
+  std::vector<double> A(static_cast<std::size_t>(m) * static_cast<std::size_t>(m), 7.0);  // what is beyond n means nothing
+  for (int c = 0; c < n; ++c)
+    for (int r = c; r < n; ++r) A[static_cast<std::size_t>(c * m + r)] = S(r, c);  // the lower triangle alone
+  return A;
+}
+
+TEST_CASE("dense: every size up to a few tiles, and larger") {
+  for (const int n : {1, 2, 5, 6, 7, 8, 9, 15, 16, 17, 24, 36, 60, 100, 180, 255}) {
+    CAPTURE(n);
+    const Eigen::MatrixXd S = symmetric(n, 2 * n + 5, static_cast<unsigned>(n));
+    const Eigen::VectorXd b = random_matrix(n, 1, 7);
+    auto A = padded_copy(S);
+    dense_cholesky solver;
+    REQUIRE(solver.factorise(A.data(), n));
+    std::vector<double> x(static_cast<std::size_t>(dense_cholesky::padded(n)), 3.0);
+    for (int i = 0; i < n; ++i) x[static_cast<std::size_t>(i)] = b[i];
+    solver.solve(A.data(), n, x.data());
+    const Eigen::VectorXd expected = S.llt().solve(b), got = Eigen::Map<Eigen::VectorXd>(x.data(), n);
+    CHECK((got - expected).norm() < 1e-8 * expected.norm());
+    CHECK((S * got - b).norm() < 1e-11 * b.norm() * n);
+  }
+}
+
+TEST_CASE("dense: singular, indefinite, not a number") {
+  for (const int n : {6, 20, 90}) {
+    dense_cholesky solver;
+    auto A = padded_copy(symmetric(n, n - 4, 1));
+    CHECK_FALSE(solver.factorise(A.data(), n));
+    const Eigen::MatrixXd damped = symmetric(n, n - 4, 1) + 1e-3 * Eigen::MatrixXd::Identity(n, n);
+    A = padded_copy(damped);
+    CHECK(solver.factorise(A.data(), n));
+    A = padded_copy(Eigen::MatrixXd(damped - 2 * Eigen::MatrixXd::Identity(n, n)));
+    CHECK_FALSE(solver.factorise(A.data(), n));
+    A = padded_copy(damped);
+    A[static_cast<std::size_t>(n - 1)] = std::numeric_limits<double>::quiet_NaN();
+    CHECK_FALSE(solver.factorise(A.data(), n));
+    A = padded_copy(Eigen::MatrixXd::Zero(n, n));
+    CHECK_FALSE(solver.factorise(A.data(), n));
+  }
+}
+
+template <int D>
+void check_sparse(int n, double density, unsigned seed) {
+  CAPTURE(n);
+  CAPTURE(density);
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> uniform(0, 1);
+  std::vector<std::int32_t> row, column;
+  Eigen::MatrixXd S = Eigen::MatrixXd::Zero(n * D, n * D);
+  for (int i = 0; i < n; ++i)
+    for (int j = i + 1; j < n; ++j)
+      if (uniform(random) < density || (j == i + 1 && density > 0)) {
+        row.push_back(i), column.push_back(j);
+        const Eigen::MatrixXd J = random_matrix(D + 3, 2 * D, static_cast<unsigned>(i * n + j));
+        const Eigen::MatrixXd H = J.transpose() * J;
+        S.block(i * D, i * D, D, D) += H.topLeftCorner(D, D), S.block(j * D, j * D, D, D) += H.bottomRightCorner(D, D);
+        S.block(i * D, j * D, D, D) = H.topRightCorner(D, D), S.block(j * D, i * D, D, D) = H.bottomLeftCorner(D, D);
+      }
+  const auto blocks = [&](const Eigen::MatrixXd& M) {
+    std::vector<double> result;
+    const auto add = [&](int i, int j) {
+      for (int r = 0; r < D; ++r)
+        for (int c = 0; c < D; ++c) result.push_back(M(i * D + r, j * D + c));
+    };
+    for (int i = 0; i < n; ++i) add(i, i);
+    for (std::size_t k = 0; k < row.size(); ++k) add(row[k], column[k]);
+    return result;
+  };
+  const Eigen::MatrixXd damped = S + 0.1 * Eigen::MatrixXd::Identity(n * D, n * D);
+  block_cholesky<D> solver;
+  solver.analyse(n, row, column);
+  CHECK(solver.fill() >= row.size());
+  CHECK(solver.fill() <= static_cast<std::size_t>(n * (n - 1) / 2));
+  REQUIRE(solver.factorise(blocks(damped).data()));
+  Eigen::VectorXd b = random_matrix(n * D, 1, 9), x = b;
+  solver.solve(x.data());
+  CHECK((damped * x - b).norm() < 1e-9 * b.norm());
+  Eigen::MatrixXd singular = damped;
+  singular.row(n * D - 1).setZero(), singular.col(n * D - 1).setZero();
+  CHECK_FALSE(solver.factorise(blocks(singular).data()));
+  CHECK_FALSE(solver.factorise(blocks(Eigen::MatrixXd(-damped)).data()));
+  REQUIRE(solver.factorise(blocks(damped).data()));  // and again
+  x = b;
+  solver.solve(x.data());
+  CHECK((damped * x - b).norm() < 1e-9 * b.norm());
+}
+
+TEST_CASE("sparse: any structure") {
+  for (const int n : {1, 2, 5, 12, 40})
+    for (const double density : {0.0, 0.05, 0.4, 1.0}) {
+      check_sparse<6>(n, density, 3);
+      check_sparse<9>(n, density, 4);
+      check_sparse<3>(n, density, 5);
+    }
+}
+
+TEST_CASE("sparse: a star is eliminated from its ends, without fill") {
+  std::vector<std::int32_t> row(30, 0), column;
+  for (int i = 1; i <= 30; ++i) column.push_back(i);
+  block_cholesky<6> solver;
+  solver.analyse(31, row, column);
+  CHECK(solver.fill() == 30);
+}
+
+}  // namespace

@@ -1,0 +1,454 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+// Bundle adjustment against an oracle without Schur complement and analytic derivatives, under every host policy; all
+// solvers and kinds of numbers; degenerate problems.
+
+#include <doctest/doctest.h>
+
+#include <thrust/execution_policy.h>
+#include <thrust/system/omp/execution_policy.h>
+#include <thrust/system/tbb/execution_policy.h>
+
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "adjustment_cases.hpp"
+#include "adjustment_factors.hpp"
+#include "reference/adjustment_oracle.hpp"
+
+namespace {
+
+using namespace turbomap_test;
+using turbomap::adjustment_end;
+using turbomap::adjustment_options;
+using turbomap::precision;
+using turbomap::reduced_solver;
+using turbomap::span;
+using sequential = std::decay_t<decltype(thrust::seq)>;
+using omp = std::decay_t<decltype(thrust::omp::par)>;
+using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
+constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
+
+oracle_frame frame_of(const rigid_transform<double>& T) {
+  const Eigen::Quaterniond q(T.qw, T.qx, T.qy, T.qz);
+  return {q.normalized().toRotationMatrix(), {T.tx, T.ty, T.tz}, Eigen::VectorXd(0)};
+}
+
+void huber_of(double delta2, double chi2, double& rho, double& weight) {
+  const double e = std::sqrt(chi2), delta = std::sqrt(delta2);
+  rho = e <= delta ? chi2 : 2 * delta * e - delta2;
+  weight = e <= delta ? 1 : delta / e;
+}
+
+/// The same problem for the oracle, with formulas of its own.
+oracle_problem oracle_of(const adjustment_scene& s) {
+  oracle_problem o;
+  for (const auto& T : s.poses) o.frames.push_back(frame_of(T));
+  for (const auto f : s.fixed) o.frame_fixed.push_back(f != 0);
+  for (const auto& p : s.points) o.landmarks.emplace_back(p.x, p.y, p.z);
+  o.landmark_fixed.assign(s.points.size(), false);
+  for (std::size_t i = 0; i < s.frame.size(); ++i) {
+    const auto& c = s.rig[s.camera[i]];
+    const oracle_frame mount = frame_of(c.T_camera_body);
+    const vec3<double> z = s.pixel[i];
+    const double sigma = std::sqrt(s.information[i]), bf = c.bf;
+    const bool stereo = z.z >= 0 && bf > 0;
+    const auto* curved = c.camera.get_if<turbomap::kannala_brandt<double>>();
+    const auto* straight = c.camera.get_if<turbomap::pinhole<double>>();
+    const double K[8] = {curved ? curved->fx : straight->fx, curved ? curved->fy : straight->fy,
+                         curved ? curved->cx : straight->cx, curved ? curved->cy : straight->cy,
+                         curved ? curved->k1 : 0,            curved ? curved->k2 : 0,
+                         curved ? curved->k3 : 0,            curved ? curved->k4 : 0};
+    const std::vector<double> k(K, K + 8);
+    const bool is_curved = curved != nullptr;
+    oracle_block b;
+    b.frame = s.frame[i], b.landmark = s.landmark[i];
+    b.e = [=](const oracle_frame& f, const oracle_frame&, const Eigen::Vector3d& X) {
+      const Eigen::Vector3d p = mount.R * (f.R * X + f.t) + mount.t;
+      double x = p.x() / p.z(), y = p.y() / p.z();
+      if (is_curved) {
+        const double r = std::hypot(p.x(), p.y()), a = std::atan2(r, p.z()), q = a * a;
+        const double d = a * (1 + q * (k[4] + q * (k[5] + q * (k[6] + q * k[7]))));
+        x = d * p.x() / r, y = d * p.y() / r;
+      }
+      Eigen::VectorXd e(stereo ? 3 : 2);
+      e[0] = k[0] * x + k[2] - z.x, e[1] = k[1] * y + k[3] - z.y;
+      if (stereo) e[2] = k[0] * x + k[2] - bf / p.z() - z.z;
+      return Eigen::VectorXd(sigma * e);
+    };
+    b.kernel = [=](double chi2, double& rho, double& weight) { huber_of(stereo ? 7.815 : 5.991, chi2, rho, weight); };
+    o.blocks.push_back(b);
+  }
+  return o;
+}
+
+double distance(const adjusted& a, const oracle_problem& o) {
+  double d = 0;
+  for (std::size_t f = 0; f < a.poses.size(); ++f) {
+    const oracle_frame x = frame_of(a.poses[f]);
+    d = std::max({d, (x.R - o.frames[f].R).cwiseAbs().maxCoeff(), (x.t - o.frames[f].t).cwiseAbs().maxCoeff()});
+  }
+  for (std::size_t l = 0; l < a.points.size(); ++l)
+    d = std::max(d, (Eigen::Vector3d(a.points[l].x, a.points[l].y, a.points[l].z) - o.landmarks[l]).cwiseAbs().maxCoeff());
+  return d;
+}
+
+void check_against_oracle(const adjusted& a, const std::vector<double>& costs, const oracle_problem& o, double cost_tolerance,
+                          double state_tolerance) {
+  REQUIRE(a.summary.each.size() == costs.size());
+  for (std::size_t i = 0; i < costs.size(); ++i)
+    CHECK(std::abs(a.summary.each[i].cost - costs[i]) <= cost_tolerance * costs[i]);
+  CHECK(a.summary.cost_final == a.summary.each.back().cost);
+  CHECK(distance(a, o) < state_tolerance);
+}
+
+TEST_CASE_TEMPLATE("every kind of observation converges as the oracle does", Policy, sequential, omp, tbb_policy) {
+  for (const auto kind : {scene_kind::mono, scene_kind::stereo, scene_kind::fisheye_rig}) {
+    CAPTURE(static_cast<int>(kind));
+    const auto s = make_adjustment_scene(kind, 5, 2, 25, 7);
+    oracle_problem o = oracle_of(s);
+    const double before = o.cost();
+    adjustment_options options;
+    options.max_iterations = 6;
+    const auto costs = oracle_adjust(o, 6);
+    REQUIRE(costs.size() == 6);
+    REQUIRE(costs.back() < 0.6 * before);
+    const auto a = adjust_scene(Policy{}, s, options);
+    CHECK(a.summary.cost_initial == doctest::Approx(before).epsilon(1e-10));
+    check_against_oracle(a, costs, o, 1e-8, 1e-6);
+    options.numbers = precision::mixed;
+    check_against_oracle(adjust_scene(Policy{}, s, options), costs, o, 1e-5, 2e-3);
+    options.numbers = precision::float32;
+    check_against_oracle(adjust_scene(Policy{}, s, options), costs, o, 1e-4, 2e-3);
+  }
+}
+
+TEST_CASE("all solvers give one answer") {
+  for (const auto kind : {scene_kind::stereo, scene_kind::fisheye_rig}) {
+    const auto s = make_adjustment_scene(kind, 9, 2, 80, 3);
+    adjustment_options options;
+    options.pcg_tolerance = 1e-13;
+    options.solver = reduced_solver::dense;
+    const auto dense = adjust_scene(sequential{}, s, options);
+    options.solver = reduced_solver::sparse;
+    CHECK(distance(adjust_scene(sequential{}, s, options), dense) < 1e-9);
+    options.solver = reduced_solver::pcg;
+    const auto pcg = adjust_scene(sequential{}, s, options);
+    CHECK(distance(pcg, dense) < 1e-8);
+    CHECK(pcg.summary.each[0].linear_iterations > 0);
+    options.solver = reduced_solver::automatic;
+    CHECK(distance(adjust_scene(sequential{}, s, options), dense) == 0);
+    options.dense_limit = 1, options.sparse_fill = 2;
+    CHECK(distance(adjust_scene(sequential{}, s, options), dense) < 1e-9);
+    options.sparse_limit = 1;
+    CHECK(adjust_scene(sequential{}, s, options).summary.each[0].linear_iterations > 0);
+  }
+}
+
+TEST_CASE("the same bits for any policy, any number of threads and any call") {
+  const auto s = make_adjustment_scene(scene_kind::stereo, 12, 4, 300, 11);
+  for (const auto numbers : {precision::float64, precision::mixed, precision::float32})
+    for (const auto solver : {reduced_solver::dense, reduced_solver::sparse, reduced_solver::pcg}) {
+      adjustment_options options;
+      options.numbers = numbers, options.solver = solver;
+      const auto a = adjust_scene(sequential{}, s, options);
+      CHECK(distance(adjust_scene(sequential{}, s, options), a) == 0);
+      CHECK(distance(adjust_scene(omp{}, s, options), a) == 0);
+      CHECK(distance(adjust_scene(tbb_policy{}, s, options), a) == 0);
+    }
+}
+
+TEST_CASE("a problem is used again for larger and smaller ones") {
+  turbomap::context<sequential> ctx{sequential{}};
+  turbomap::bundle_problem<sequential, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
+  for (const int frames : {4, 9, 3})
+    for (const auto solver : {reduced_solver::dense, reduced_solver::sparse}) {
+      const auto s = make_adjustment_scene(scene_kind::stereo, frames, 1, 10 * frames, static_cast<unsigned>(frames));
+      adjustment_options options;
+      options.solver = solver;
+      problem.assign(ctx, s.frame_input(), s.landmark_input(), s.group());
+      adjusted a;
+      a.summary = turbomap::adjust(ctx, problem, options);
+      problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
+      CHECK(distance(a, adjust_scene(sequential{}, s, options)) == 0);
+    }
+}
+
+TEST_CASE("chi2 and depth of every observation, in the order of the input") {
+  for (const auto kind : {scene_kind::mono, scene_kind::stereo, scene_kind::fisheye_rig}) {
+    const auto s = make_adjustment_scene(kind, 5, 2, 25, 7);
+    const oracle_problem o = oracle_of(s);
+    turbomap::context<sequential> ctx{sequential{}};
+    turbomap::bundle_problem<sequential, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
+    problem.assign(ctx, s.frame_input(), s.landmark_input(), s.group());
+    std::vector<double> chi2, depth;
+    problem.chi2<0>(ctx, chi2, depth);
+    REQUIRE(chi2.size() == s.frame.size());
+    for (std::size_t i = 0; i < chi2.size(); ++i) {
+      CHECK(chi2[i] == doctest::Approx(o.residual(o.blocks[i]).squaredNorm()).epsilon(1e-9));
+      const auto& f = o.frames[static_cast<std::size_t>(s.frame[i])];
+      const oracle_frame mount = frame_of(s.rig[s.camera[i]].T_camera_body);
+      const Eigen::Vector3d p = mount.R * (f.R * o.landmarks[static_cast<std::size_t>(s.landmark[i])] + f.t) + mount.t;
+      CHECK(depth[i] == doctest::Approx(p.z()).epsilon(1e-12));
+    }
+  }
+}
+
+/// A problem of factors of one's own alone: odometry, a prior, bearings by dual numbers.
+TEST_CASE_TEMPLATE("factors of one's own of every kind", Policy, sequential, omp, tbb_policy) {
+  auto s = make_adjustment_scene(scene_kind::mono, 6, 0, 30, 5);
+  std::vector<prior_factor::row> priors;
+  std::vector<std::int32_t> prior_frames{0, 3, 0}, first{0, 2, 2, 5, 4}, second{1, 1, 3, 0, 3};
+  std::vector<odometry_factor::row> odometry;
+  for (const auto f : prior_frames) priors.push_back({s.true_poses[static_cast<std::size_t>(f)]});
+  for (std::size_t i = 0; i < first.size(); ++i)
+    odometry.push_back({{0.1 * static_cast<double>(i), 0.02, -0.01}});
+  std::vector<bearing_factor::row> bearings;
+  for (const auto& p : s.pixel) bearings.push_back({(p.x - 367) / 435, (p.y - 252) / 436});
+  using turbomap::cauchy;
+  const turbomap::landmark_factors<bearing_factor, cauchy> g{{200.0}, {s.frame.data(), s.frame.size()},
+                                                             {s.landmark.data(), s.landmark.size()},
+                                                             {bearings.data(), bearings.size()}, {4.0}, 1e6};
+  const turbomap::frame_factors<prior_factor> h{{10.0}, {prior_frames.data(), prior_frames.size()},
+                                                {priors.data(), priors.size()}, {}, 1e6};
+  const turbomap::frame_pair_factors<odometry_factor, turbomap::tukey> k{
+      {5.0}, {first.data(), first.size()}, {second.data(), second.size()}, {odometry.data(), odometry.size()}, {400.0}, 1e6};
+
+  oracle_problem o;
+  for (const auto& T : s.poses) o.frames.push_back(frame_of(T));
+  o.frame_fixed.assign(6, false);
+  for (const auto& p : s.points) o.landmarks.emplace_back(p.x, p.y, p.z);
+  o.landmark_fixed.assign(s.points.size(), false);
+  s.fixed.assign(6, 0);
+  for (std::size_t i = 0; i < s.frame.size(); ++i) {
+    oracle_block b;
+    b.frame = s.frame[i], b.landmark = s.landmark[i];
+    const auto z = bearings[i];
+    b.e = [=](const oracle_frame& f, const oracle_frame&, const Eigen::Vector3d& X) {
+      const Eigen::Vector3d p = f.R * X + f.t;
+      return Eigen::VectorXd(200 * Eigen::Vector2d(p.x() / p.z() - z.x, p.y() / p.z() - z.y));
+    };
+    b.kernel = [](double chi2, double& rho, double& weight) { rho = 4 * std::log(1 + chi2 / 4), weight = 4 / (4 + chi2); };
+    o.blocks.push_back(b);
+  }
+  for (std::size_t i = 0; i < priors.size(); ++i) {
+    oracle_block b;
+    b.frame = prior_frames[i];
+    const oracle_frame z = frame_of(priors[i].T_cw);
+    b.e = [=](const oracle_frame& f, const oracle_frame&, const Eigen::Vector3d&) {
+      Eigen::VectorXd e(6);
+      e << f.t - z.t, f.R(2, 1) - z.R(2, 1), f.R(0, 2) - z.R(0, 2), f.R(1, 0) - z.R(1, 0);
+      return Eigen::VectorXd(10 * e);
+    };
+    b.kernel = [](double chi2, double& rho, double& weight) { rho = chi2, weight = 1; };
+    o.blocks.push_back(b);
+  }
+  for (std::size_t i = 0; i < first.size(); ++i) {
+    oracle_block b;
+    b.frame = first[i], b.other = second[i];
+    const auto z = odometry[i].shift;
+    b.e = [=](const oracle_frame& f, const oracle_frame& t, const Eigen::Vector3d&) {
+      return Eigen::VectorXd(5 * (f.R.transpose() * (t.t - f.t) - Eigen::Vector3d(z.x, z.y, z.z)));
+    };
+    b.kernel = [](double chi2, double& rho, double& weight) {
+      const double x = chi2 < 400 ? 1 - chi2 / 400 : 0;
+      rho = 400.0 / 3 * (1 - x * x * x), weight = x * x;
+    };
+    o.blocks.push_back(b);
+  }
+  const auto costs = oracle_adjust(o, 6);
+  for (const auto solver : {reduced_solver::dense, reduced_solver::sparse, reduced_solver::pcg}) {
+    CAPTURE(static_cast<int>(solver));
+    adjustment_options options;
+    options.max_iterations = 6, options.solver = solver, options.pcg_tolerance = 1e-13;
+    turbomap::context<Policy> ctx{Policy{}};
+    turbomap::bundle_problem<Policy, pose_frame, turbomap::frame_pair_factors<odometry_factor, turbomap::tukey>,
+                             turbomap::landmark_factors<bearing_factor, cauchy>, turbomap::frame_factors<prior_factor>>
+        problem(ctx);
+    problem.assign(ctx, s.frame_input(), s.landmark_input(), k, g, h);
+    adjusted a;
+    a.summary = turbomap::adjust(ctx, problem, options);
+    problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
+    check_against_oracle(a, costs, o, 1e-7, 1e-5);
+  }
+}
+
+/// What must not change when nothing is to be done.
+void check_unchanged(const adjusted& a, const adjustment_scene& s, adjustment_end end) {
+  CHECK(std::string(turbomap::to_string(a.summary.end)) == std::string(turbomap::to_string(end)));
+  CHECK(a.summary.accepted == 0);
+  CHECK(distance(a, adjusted{{}, s.poses, s.points}) == 0);
+}
+
+TEST_CASE_TEMPLATE("degenerate problems end with a reason and unchanged", Policy, sequential, omp, tbb_policy) {
+  const auto good = make_adjustment_scene(scene_kind::stereo, 4, 1, 12, 2);
+  SUBCASE("nothing at all") {
+    const adjustment_scene s = make_adjustment_scene(scene_kind::stereo, 0, 0, 0, 2);
+    check_unchanged(adjust_scene(Policy{}, s, {}), s, adjustment_end::no_observations);
+  }
+  SUBCASE("no observations") {
+    adjustment_scene s = good;
+    s.frame.clear(), s.landmark.clear(), s.pixel.clear(), s.information.clear(), s.camera.clear();
+    check_unchanged(adjust_scene(Policy{}, s, {}), s, adjustment_end::no_observations);
+  }
+  SUBCASE("not a number, in each input") {
+    for (int where = 0; where < 4; ++where) {
+      adjustment_scene s = good;
+      if (where == 0) s.points[3].y = nan_value;
+      if (where == 1) s.pixel[5].x = std::numeric_limits<double>::infinity();
+      if (where == 2) s.information[5] = nan_value;
+      if (where == 3) s.poses[1].tx = nan_value;
+      const auto a = adjust_scene(Policy{}, s, {});
+      CHECK(a.summary.end == adjustment_end::not_finite);
+      CHECK(a.summary.accepted == 0);
+    }
+  }
+  SUBCASE("everything fixed") {
+    adjustment_scene s = good;
+    s.fixed.assign(s.poses.size(), 1);
+    turbomap::context<Policy> ctx{Policy{}};
+    turbomap::bundle_problem<Policy, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
+    const std::vector<std::uint8_t> landmarks_fixed(s.points.size(), 1);
+    problem.assign(ctx, s.frame_input(), {span<const vec3<double>>(s.points), span<const std::uint8_t>(landmarks_fixed)},
+                   s.group());
+    CHECK(turbomap::adjust(ctx, problem).end == adjustment_end::nothing_free);
+  }
+  SUBCASE("all weights zero: rows switched off, or all outliers of a kernel that forgets them") {
+    adjustment_scene s = good;
+    s.information.assign(s.information.size(), 0);
+    check_unchanged(adjust_scene(Policy{}, s, {}), s, adjustment_end::converged);
+  }
+  SUBCASE("no iterations") {
+    adjustment_options options;
+    options.max_iterations = 0;
+    check_unchanged(adjust_scene(Policy{}, good, options), good, adjustment_end::max_iterations);
+  }
+  SUBCASE("the flag was set before") {
+    const std::atomic<bool> stop{true};
+    adjustment_options options;
+    options.stop = &stop;
+    check_unchanged(adjust_scene(Policy{}, good, options), good, adjustment_end::stopped);
+  }
+}
+
+TEST_CASE_TEMPLATE("hard problems end, and never worse", Policy, sequential, omp) {
+  auto s = make_adjustment_scene(scene_kind::stereo, 5, 1, 30, 2);
+  adjustment_options options;
+  options.max_iterations = 30;
+  const auto check = [&](const adjustment_scene& scene) {
+    for (const auto numbers : {precision::float64, precision::mixed, precision::float32})
+      for (const auto solver : {reduced_solver::dense, reduced_solver::sparse, reduced_solver::pcg}) {
+        options.numbers = numbers, options.solver = solver;
+        const auto a = adjust_scene(Policy{}, scene, options);
+        CHECK(a.summary.cost_final <= a.summary.cost_initial);
+        for (const auto& p : a.points) CHECK(turbomap::detail::is_finite(p.x + p.y + p.z));
+      }
+  };
+  SUBCASE("no fixed frame") {
+    s.fixed.assign(s.poses.size(), 0);
+    check(s);
+    options.numbers = precision::float64, options.solver = reduced_solver::dense;
+    const auto a = adjust_scene(Policy{}, s, options);
+    CHECK(a.summary.cost_final < 0.5 * a.summary.cost_initial);
+  }
+  SUBCASE("points seen once, or by nobody; a frame that sees nothing") {
+    s.points.push_back({0, 0, 4}), s.points.push_back({1, 0, 4});
+    s.frame.push_back(0), s.landmark.push_back(30), s.pixel.push_back({360, 250, -1}), s.information.push_back(1);
+    s.camera.push_back(0);
+    s.poses.push_back({}), s.fixed.push_back(0);
+    check(s);
+    const auto a = adjust_scene(Policy{}, s, options);
+    CHECK(a.points[31].x == 1);
+    CHECK(a.poses[5].tx == 0);
+  }
+  SUBCASE("behind the camera, in its focal plane, at its centre") {
+    s.points[0].z = -5, s.points[1].z = 0, s.points[2] = {0, 0, 0};
+    s.poses[4] = {};
+    check(s);
+  }
+  SUBCASE("one observation") {
+    s.frame.resize(1), s.landmark.resize(1), s.pixel.resize(1), s.information.resize(1), s.camera.resize(1);
+    check(s);
+  }
+  SUBCASE("points at infinity") {
+    for (int l = 0; l < 5; ++l) s.points[static_cast<std::size_t>(l)] = {1e9, 1e9, 1e10};
+    check(s);
+  }
+}
+
+TEST_CASE("landmarks may be fixed: poses alone move") {
+  const auto s = make_adjustment_scene(scene_kind::stereo, 4, 0, 30, 9);
+  oracle_problem o = oracle_of(s);
+  o.landmark_fixed.assign(s.points.size(), true);
+  for (std::size_t l = 0; l < 5; ++l) o.landmark_fixed[l] = false;
+  std::vector<std::uint8_t> fixed(s.points.size(), 1);
+  std::fill_n(fixed.begin(), 5, std::uint8_t{0});
+  const auto costs = oracle_adjust(o, 5);
+  turbomap::context<sequential> ctx{sequential{}};
+  turbomap::bundle_problem<sequential, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
+  problem.assign(ctx, s.frame_input(), {span<const vec3<double>>(s.points), span<const std::uint8_t>(fixed)}, s.group());
+  adjustment_options options;
+  options.max_iterations = 5;
+  adjusted a;
+  a.summary = turbomap::adjust(ctx, problem, options);
+  problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
+  check_against_oracle(a, costs, o, 1e-8, 1e-6);
+}
+
+TEST_CASE("slow progress and the time budget end it") {
+  const auto s = make_adjustment_scene(scene_kind::stereo, 5, 1, 30, 2);
+  adjustment_options options;
+  options.max_iterations = 200;
+  const auto full = adjust_scene(sequential{}, s, options);
+  CHECK((full.summary.end == adjustment_end::converged || full.summary.end == adjustment_end::no_descent));
+  CHECK(full.summary.iterations < 200);
+  options.min_relative_decrease = 1e-3;
+  const auto slow = adjust_scene(sequential{}, s, options);
+  CHECK(slow.summary.end == adjustment_end::converged);
+  CHECK(slow.summary.iterations < full.summary.iterations);
+  REQUIRE(slow.summary.each.size() >= 4);
+  for (std::size_t i = slow.summary.each.size() - 3; i < slow.summary.each.size(); ++i)
+    CHECK(slow.summary.each[i - 1].cost - slow.summary.each[i].cost < 1e-3 * slow.summary.each[i - 1].cost);
+  options.time_budget_ms = 1e-6;
+  const auto timed = adjust_scene(sequential{}, s, options);
+  CHECK(timed.summary.end == adjustment_end::time_budget);
+  CHECK(timed.summary.iterations == 1);
+}
+
+TEST_CASE("bad input is refused by name, and the problem stays") {
+  const auto good = make_adjustment_scene(scene_kind::stereo, 4, 1, 12, 2);
+  turbomap::context<sequential> ctx{sequential{}};
+  turbomap::bundle_problem<sequential, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
+  problem.assign(ctx, good.frame_input(), good.landmark_input(), good.group());
+  const auto refused = [&](adjustment_scene s, const char* name) {
+    try {
+      problem.assign(ctx, s.frame_input(), s.landmark_input(), s.group());
+      FAIL("not refused: " << name);
+    } catch (const std::invalid_argument& e) {
+      CHECK(std::string(e.what()).find(name) != std::string::npos);
+    }
+  };
+  adjustment_scene s = good;
+  s.frame[2] = 4, refused(s, "frame = 4");
+  s = good, s.frame[2] = -1, refused(s, "frame = -1");
+  s = good, s.landmark[2] = 12, refused(s, "landmark = 12");
+  s = good, s.camera[2] = 1, refused(s, "camera = 1");
+  s = good, s.information[1] = -2, refused(s, "information = -2");
+  s = good, s.fixed.pop_back(), refused(s, "frames.fixed.size()");
+  s = good, s.pixel.pop_back(), refused(s, "pixel.size()");
+  s = good, s.rig.clear(), s.rig.shrink_to_fit(), refused(s, "rig.count");
+  CHECK(problem.observation_count() == static_cast<int>(good.frame.size()));
+  adjustment_options options;
+  options.max_iterations = -1;
+  CHECK_THROWS_AS(turbomap::adjust(ctx, problem, options), std::invalid_argument);
+  options = {}, options.initial_lambda = nan_value;
+  CHECK_THROWS_AS(turbomap::adjust(ctx, problem, options), std::invalid_argument);
+  adjusted a;
+  a.summary = turbomap::adjust(ctx, problem);
+  problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
+  CHECK(distance(a, adjust_scene(sequential{}, good, {})) == 0);
+}
+
+}  // namespace
