@@ -78,7 +78,7 @@ inline std::vector<std::byte> packed(const sample_keyframe& k, const turbomap::k
   const auto data = k.data();
   const auto layout = turbomap::plan_packing(data, options, scratch);
   std::vector<std::byte> block(layout.bytes);
-  turbomap::pack(data, layout, scratch, block.data());
+  turbomap::pack_keyframe(data, layout, scratch, block.data());
   return block;
 }
 

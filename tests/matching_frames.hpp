@@ -65,7 +65,7 @@ struct scene_frame {
     options.pyramid = pyramid;
     layout = turbomap::plan_packing(data, options, scratch);
     block.resize_discard(layout.bytes + 1);
-    turbomap::pack(data, layout, scratch, block.data());
+    turbomap::pack_keyframe(data, layout, scratch, block.data());
   }
   turbomap::posed_keyframe<Descriptor, Camera> posed(std::byte* base) const {
     return {turbomap::view_at<Descriptor, Camera>(layout, base), T_cw, has_point};

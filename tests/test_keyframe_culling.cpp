@@ -121,7 +121,7 @@ TEST_CASE("the share is a product in float, and must be passed") {
 TEST_CASE_TEMPLATE("each removal is seen by the next count; points die with it", Map, flat_map, pointer_map) {
   culling<Map> c;
   using traits = turbomap::map_traits<Map>;
-  // Six keyframes see the same 10 points: two may go, then three others are left. Point 10 is of keyframes 1 and 5 only.
+  // Six keyframes see the same 100 points: two may go, then three others are left. Point 100 is of keyframes 1 and 5.
   for (int i = 0; i < 6; ++i) c.add(std::vector<turbomap::keypoint>(200, make_keypoint(1)));
   for (std::size_t j = 0; j < 100; ++j) {
     c.p.push_back(traits::add_point(c.map, {}, c.k[0]));
@@ -222,6 +222,18 @@ TEST_CASE("guards in time: enough keyframes, not the last ones, no gap") {
   }
 }
 
+TEST_CASE("the first and the last keyframe of an older chain stay: nothing would bridge the gap") {
+  culling<flat_map> c;
+  for (int i = 0; i < 3; ++i) c.add({make_keypoint(0)}, 0.1 * i);
+  const std::vector<turbomap::keypoint> one{make_keypoint(0)};
+  c.k.push_back(c.map.add_keyframe(one, {}, 10));  // a second chain
+  for (int i = 1; i < 40; ++i) c.add(one, 10 + 0.1 * i);
+  const auto p = c.map.add_point({}, c.k[0]);
+  for (const auto k : c.k) turbomap::observe(c.map, p, k, 0);
+  c.run(42, {2, 3, 1}, inertial());
+  CHECK(c.verdicts() == verdicts{needed, needed, erased});
+}
+
 TEST_CASE("guards need a map that knows time") {
   culling<pointer_map> c;
   c.add({make_keypoint(0)});
@@ -236,9 +248,9 @@ TEST_CASE("bad options are refused") {
     keyframe_culling_options o;
     change(o);
     std::vector<turbomap::culling_record<turbomap::map_keyframe_id>> records;
-    CHECK_THROWS_AS(turbomap::cull_keyframes(c.map, c.k[8], turbomap::span<const turbomap::map_keyframe_id>(c.k), o,
-                                             records),
-                    std::invalid_argument);
+    CHECK_THROWS_AS(
+        turbomap::cull_keyframes(c.map, c.k[8], turbomap::span<const turbomap::map_keyframe_id>(c.k), o, records),
+        std::invalid_argument);
     CHECK(records.empty());
     CHECK(everything(c.map) == before);
   };
@@ -257,7 +269,7 @@ TEST_CASE("bad options are refused") {
   refuses([](auto& o) { o.max_old_gap = -1; });
 }
 
-/// Larger maps than those of the property test, more alike to real ones: keyframes in a row, points seen by runs of them.
+/// Larger maps than those of the property test, more like real ones: keyframes in a row, points seen by runs of them.
 template <class Map>
 void check_random(std::uint32_t seed) {
   std::mt19937 random(seed);
@@ -278,7 +290,8 @@ void check_random(std::uint32_t seed) {
     c.p.push_back(traits::add_point(c.map, {}, c.k[first]));
     oracle.points[i] = {first, {}};
     for (std::size_t n = 0; n < 2 * run; ++n) {
-      const std::size_t at = std::min(first + random() % run, keyframes - 1), which = random() % (240 / static_cast<unsigned>(cameras) * static_cast<unsigned>(cameras));
+      const std::size_t at = std::min(first + random() % run, keyframes - 1),
+                        which = random() % (240 / static_cast<unsigned>(cameras) * static_cast<unsigned>(cameras));
       CHECK(turbomap::observe(c.map, c.p[i], c.k[at], which) == oracle.observe(i, {at, which}));
     }
   }
@@ -298,7 +311,8 @@ void check_random(std::uint32_t seed) {
   std::shuffle(candidates.begin(), candidates.end(), random);
   c.run(keyframes - 1, candidates, o);
   std::multiset<oracle_id> survivors;
-  const auto expected = cull_keyframes_by_definition(oracle, keyframes - 1, {candidates.begin(), candidates.end()}, rules, survivors);
+  const auto expected =
+      cull_keyframes_by_definition(oracle, keyframes - 1, {candidates.begin(), candidates.end()}, rules, survivors);
   for (std::size_t i = 0; i < expected.size(); ++i) {
     CHECK(c.records[i].keyframe == c.k[expected[i].keyframe]);
     CHECK(c.records[i].id == expected[i].keyframe);

@@ -33,7 +33,7 @@ struct packed_keyframe {
     turbomap::keyframe_packing_scratch scratch;
     layout = turbomap::plan_packing(data, options, scratch);
     block.resize(layout.bytes);
-    turbomap::pack(data, layout, scratch, block.data());
+    turbomap::pack_keyframe(data, layout, scratch, block.data());
     view = turbomap::view_at<sample_descriptor, Camera>(layout, block.data());
   }
 };

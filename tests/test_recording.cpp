@@ -4,7 +4,6 @@
 // Recordings: writing and reading gives the same recording; every kind of damage is refused with the array's name.
 
 #include <turbomap/io/recording.hpp>
-#include <turbomap/io/recording_snapshot.hpp>
 #include <turbomap/io/recording_writer.hpp>
 
 #include <cmath>
@@ -17,73 +16,15 @@
 #include <doctest/doctest.h>
 
 #include "files.hpp"
+#include "recording_samples.hpp"
 
 using turbomap_test::bad_file_message;
 using turbomap_test::has;
+using turbomap_test::refused;
+using turbomap_test::small_meta;
+using turbomap_test::small_recording;
 
 namespace {
-
-turbomap::recording_meta small_meta(bool fisheye) {
-  turbomap::recording_meta m;
-  m.width = 640, m.height = 480;
-  m.camera1 = {435.204681, 435.1, 320.5, 240.25};
-  if (fisheye) {
-    m.model = "KannalaBrandt8";
-    m.camera1 = {190.5, 190.25, 255, 256, 0.003, 0.0007, -0.002, 0.0002};
-    m.camera2 = m.camera1;
-    m.T_lr.tx = 0.1F, m.T_rl.tx = -0.1F;
-  }
-  m.sensor = "inertial";
-  m.bf = 47.9, m.baseline = 0.11, m.close_depth = 6.6;
-  for (int o = 0; o < m.levels; ++o) {
-    m.scale_factors.push_back(std::pow(1.2F, static_cast<float>(o)));
-    m.level_sigma2.push_back(m.scale_factors.back() * m.scale_factors.back());
-    m.inv_level_sigma2.push_back(1 / m.level_sigma2.back());
-  }
-  m.bounds = {0, 0, 640, 480};
-  m.cell_width_inverse = 0.1F, m.cell_height_inverse = 0.1F;
-  m.imu_noise_variance = {1e-6, 1e-6, 1e-6, 1e-3, 1e-3, 1e-3},
-  m.imu_walk_variance = {1e-12, 1e-12, 1e-12, 4e-8, 4e-8, 4e-8};
-  m.events = {{1, "InitializeIMU", 0, 1, 1.02}};
-  m.snapshots = {1};
-  return m;
-}
-
-/// Three keyframes of five keypoints (three left, two right when fisheye), built as a SLAM system would.
-turbomap::recording small_recording(bool fisheye = false) {
-  turbomap::recorder record(small_meta(fisheye));
-  for (std::int32_t i = 0; i < 3; ++i) {
-    std::vector<turbomap::keypoint> keypoints(5);
-    std::vector<turbomap::descriptor_bytes> descriptors(5);
-    std::vector<std::int32_t> partner(5, -1);
-    for (std::size_t k = 0; k < 5; ++k) {
-      auto& p = keypoints[k];
-      p.x = 10.5F * static_cast<float>(k + 1), p.y = 20 + static_cast<float>(i), p.angle = 359, p.octave = k % 3;
-      p.group = k == 4 ? turbomap::keypoint::no_group : 7;
-      if (k == 0 && !fisheye) p.u_right = 3.25F, p.depth = 2;
-      p.camera = fisheye && k > 2;
-      descriptors[k].fill(static_cast<std::uint8_t>(16 * i + static_cast<int>(k)));
-    }
-    if (fisheye) partner[0] = 3, partner[3] = 0;
-    std::vector<turbomap::point_association> associations{{0, {i, 0}, {i, 0}, {1, 2, 3}, true}};
-    if (i > 0) associations.push_back({2, {i - 1, 0}, {0, 0}, {4, 5, 6}, false});
-    const std::vector<turbomap::recent_point> recent(static_cast<std::size_t>(i), {{0, 2}, 0, 4, 3});
-    turbomap::keyframe_record k;
-    k.t_ns = 1403715527912143104 + i * 50000000LL, k.previous = i - 1, k.T_cw.tx = static_cast<float>(i);
-    k.keypoints = keypoints, k.descriptors = descriptors, k.stereo_partner = partner;
-    k.associations = associations, k.recent = recent;
-    k.velocity = {0.5F, 0, 0}, k.imu_initialized = i > 0;
-    CHECK(record.add(k) == i);
-    record.add_imu(k.t_ns, {{0.1, 0.2, 0.3}, {0, 0, 9.81}});
-    record.add_ground_truth(k.t_ns, {static_cast<double>(i), 0, 0, 1, 0, 0, 0});
-  }
-  auto& r = record.data();
-  r.meta.keyframes_inserted = 3, r.meta.ate_kf_rmse_m = 0.03125;
-  r.final_T_cw = r.T_cw, r.final_alive = {1, 0, 1};
-  r.frame_t_ns = r.t_ns, r.frame_T_cw = r.T_cw, r.frame_state = {2, 2, 1};
-  r.frame_T_cw[2].tx = std::numeric_limits<float>::quiet_NaN();  // not tracked: means nothing
-  return r;
-}
 
 std::vector<std::string> bytes_of(const turbomap::recording& r) {
   std::vector<std::string> all;
@@ -111,12 +52,6 @@ std::string with(const char* name, const std::function<void(std::vector<Row>&)>&
         turbomap::write_npy_rows(file, rows);
       },
       fisheye);
-}
-
-void refused(const std::string& message, const std::string& array, const std::string& reason) {
-  CAPTURE(message);
-  CHECK(has(message, array + ".npy: array " + array + ": "));
-  CHECK(has(message, reason));
 }
 
 using i4 = std::int32_t;
@@ -280,69 +215,6 @@ TEST_CASE("the recorder refuses a keyframe whole") {
   keypoints[1].camera = 0;
   CHECK(record.add(k) == 0);
   CHECK(record.data().kp_xy.size() == 2);
-}
-
-namespace {
-
-/// The smallest snapshot: iteration 1 of the small recording, one neighbour, one pair.
-void write_snapshot(const std::filesystem::path& folder) {
-  const auto where = turbomap::snapshot_directory(folder, 1);
-  CHECK(where.filename() == "snap_0001");
-  std::filesystem::create_directories(where);
-  turbomap_test::write_bytes(where / "meta.json", R"({"iter":1,"kf":1,"N":5})");
-  const auto put = [&](const char* name, const auto& rows) {
-    turbomap::write_npy_rows(where / (std::string(name) + ".npy"), rows);
-  };
-  put("kf_alive", std::vector<i4>{0, 1});
-  put("kf_Tcw", std::vector<pose>(2));
-  put("covis_kf", std::vector<i4>{0});
-  put("covis_w", std::vector<i4>{1});
-  put("sft_neigh", std::vector<i4>{0});
-  put("sft_baseline", std::vector<float>{1});
-  put("sft_Ow1_used", std::vector<turbomap::vec3<float>>(1));
-  put("sft_skipped", std::vector<u1>{0});
-  turbomap::write_npy<u1>(where / "sft_mask1.npy", std::vector<u1>{1, 0, 0, 0, 0}, {1, 5});
-  put("sft_mask2_off", std::vector<i8>{0, 5});
-  put("sft_mask2", std::vector<u1>{0, 1, 0, 0, 0});
-  for (const char* name : {"sft_pairs", "sftb_pairs"}) {
-    put((std::string(name) + "_off").c_str(), std::vector<i8>{0, 1});
-    put(name, std::vector<turbomap::index_pair>{{1, 4}});
-  }
-  put("cnm_code", std::vector<u1>{1});
-  put("cnm_method", std::vector<std::int8_t>{-1});
-  put("cnm_x3D", std::vector<turbomap::vec3<float>>{{NAN, NAN, NAN}});
-}
-
-template <class Row>
-std::string snapshot_error(const char* name, const std::vector<Row>& rows) {
-  const turbomap_test::temporary_directory folder;
-  write_snapshot(folder.path());
-  if (name != nullptr)
-    turbomap::write_npy_rows(turbomap::snapshot_directory(folder.path(), 1) / (std::string(name) + ".npy"), rows);
-  return bad_file_message([&] { turbomap::read_snapshot(small_recording(), folder.path(), 1); });
-}
-
-}  // namespace
-
-TEST_CASE("a snapshot is read, or refused by array and reason") {
-  const turbomap_test::temporary_directory folder;
-  write_snapshot(folder.path());
-  const auto s = turbomap::read_snapshot(small_recording(), folder.path(), 1);
-  CHECK(s.pairs(0)[0][1] == 4);
-  CHECK(s.batch_pairs(0).size() == 1);
-  CHECK(s.mask1(0)[0] == 1);
-  CHECK(s.mask2(0)[1] == 1);
-  CHECK(s.creation.method[0] == -1);
-  CHECK(has(bad_file_message([&] { turbomap::read_snapshot(small_recording(), folder.path(), 2); }), "meta.json"));
-
-  refused(snapshot_error<i4>("sft_neigh", {3}), "sft_neigh", "row 0 is 3, outside [0, 3)");
-  refused(snapshot_error<i4>("covis_w", {}), "covis_w", "has 0 rows, not 1");
-  refused(snapshot_error<turbomap::index_pair>("sftb_pairs", {{1, 5}}), "sftb_pairs", "row 0 is (1, 5)");
-  refused(snapshot_error<i8>("sft_pairs_off", {0, 2}), "sft_pairs_off", "ends at 2");
-  refused(snapshot_error<i8>("sft_mask2_off", {0, 4}), "sft_mask2_off", "ends at 4");
-  refused(snapshot_error<u1>("sft_mask1", {1, 0, 0, 0, 0}), "sft_mask1", "has shape (5,), not (1, 5)");
-  refused(snapshot_error<std::int8_t>("cnm_method", {0}), "cnm_x3D", "not finite");
-  refused(snapshot_error<float>("sft_baseline", {INFINITY}), "sft_baseline", "not finite");
 }
 
 TEST_CASE("tables of times") {

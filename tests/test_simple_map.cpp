@@ -2,155 +2,257 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// Slots and observations agree, whatever is asked of the map; covisibility equals a count of pairs.
-
-#include <turbomap/map/simple_map.hpp>
-
-#include <algorithm>
-#include <array>
-#include <iterator>
-#include <random>
-#include <set>
-#include <stdexcept>
-#include <utility>
-#include <vector>
+/// A simple_map by itself: what is put in comes out, names are checked, places are used again under other names. Edits
+/// are tested in test_map_edit.cpp and test_map_properties.cpp.
 
 #include <doctest/doctest.h>
 
+#include <turbomap/map/map_edit.hpp>
+#include <turbomap/map/simple_map.hpp>
+
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <limits>
+#include <new>
+#include <stdexcept>
+#include <vector>
+
+#include "lying_map.hpp"
+#include "map_scene.hpp"
+
+namespace {
+std::size_t allocations = 0;
+std::size_t allowed = std::numeric_limits<std::size_t>::max();  ///< allocations until one fails
+
+void* counted(std::size_t n) {
+  if (allowed == 0) throw std::bad_alloc();
+  --allowed, ++allocations;
+  if (void* p = std::malloc(n)) return p;
+  throw std::bad_alloc();
+}
+}  // namespace
+
+// Out of line: a compiler that inlines only one of the two sees malloc() freed by operator delete.
+[[gnu::noinline]] void* operator new(std::size_t n) { return counted(n); }
+[[gnu::noinline]] void operator delete(void* p) noexcept { std::free(p); }
+[[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept { std::free(p); }
+
 namespace {
 
-using turbomap::simple_map;
-constexpr std::int32_t none = simple_map::none;
-
-/// Two cameras: the first half of the keypoints is of the left one.
-struct rig_of {
-  std::int32_t left;
-  bool operator()(std::int32_t a, std::int32_t b) const { return (a < left) == (b < left); }
-};
-
-/// Every observation has its slot and every slot its observation.
-bool consistent(const simple_map& map) {
-  std::size_t filled = 0, seen = 0;
-  for (std::size_t k = 0; k < map.keyframe_count(); ++k)
-    for (const std::int32_t p : map.slots(static_cast<std::int32_t>(k))) filled += p != none ? 1 : 0;
-  for (std::size_t p = 0; p < map.point_count(); ++p)
-    for (const auto& o : map.observations(static_cast<std::int32_t>(p))) {
-      if (map.point_at(o.keyframe, o.keypoint) != static_cast<std::int32_t>(p)) return false;
-      ++seen;
-    }
-  return filled == seen;
-}
+using namespace turbomap_test;
+using traits = turbomap::map_traits<flat_map>;
+using turbomap::map_keyframe_id;
+using turbomap::map_point_id;
 
 TEST_CASE("what was put in comes out") {
-  simple_map map;
+  flat_map map;
+  CHECK(map.levels() == 8);
+  CHECK(map.keyframe_count() == 0);
+  CHECK(map.point_count() == 0);
   turbomap::rigid_transform<double> T;
   T.tx = 4;
-  CHECK(map.add_keyframe(3, {}) == 0);
-  CHECK(map.add_keyframe(0, T) == 1);
-  CHECK(map.add_point({1, 2, 3}) == 0);
+  const std::vector<turbomap::keypoint> keypoints{make_keypoint(0), make_keypoint(7, 1, 5)};
+  const auto a = map.add_keyframe(keypoints, T, 1.5);
+  const auto b = map.add_keyframe({}, {});
+  const auto p = map.add_point({1, 2, 3}, a);
   CHECK(map.keyframe_count() == 2);
   CHECK(map.point_count() == 1);
-  CHECK(map.T_cw(1).tx == 4);
-  CHECK(map.position(0).z == 3);
-  CHECK(map.slots(0) == std::vector<std::int32_t>(3, none));
-  CHECK(map.slots(1).empty());
-  CHECK(map.observations(0).empty());
-  std::vector<std::uint8_t> mask{9, 9, 9, 9};
-  CHECK(map.observe(0, 0, 1));
-  map.has_point(0, mask);
-  CHECK(mask == std::vector<std::uint8_t>{0, 1, 0});
-  map.has_point(1, mask);
-  CHECK(mask.empty());
+  CHECK(map.alive(a));
+  CHECK(map.alive(p));
+  CHECK(map.T_cw(a).tx == 4);
+  CHECK(map.position(p).z == 3);
+  CHECK(map.keypoints(a).size() == 2);
+  CHECK(map.keypoints(a)[1].u_right == 5);
+  CHECK(map.keypoints(b).empty());
+  CHECK(map.observations(p).empty());
+  CHECK(map.point_at(a, 1) == map_point_id{});
+  CHECK(traits::id(map, a) == 0);
+  CHECK(traits::id(map, b) == 1);
+  CHECK(traits::id(map, p) == 0);
+  CHECK(traits::time(map, a) == 1.5);
+  CHECK(traits::reference(map, p) == a);
+  CHECK(traits::replacement(map, p) == map_point_id{});
+  CHECK_FALSE(traits::may_erase(map, a));  // the first
+  CHECK(traits::may_erase(map, b));
+  CHECK(traits::octave_counts(map, p).size() == 8);
+  map.set_pose(b, T);
+  CHECK(traits::pose(map, b).tx == 4);
+  traits::set_position(map, p, {7, 8, 9});
+  CHECK(map.position(p).x == 7);
+  std::vector<std::uint8_t> descriptor(32);
+  for (std::size_t i = 0; i < 32; ++i) descriptor[i] = static_cast<std::uint8_t>(3 * i);
+  const auto q = map.add_point({});
+  traits::set_appearance(map, p, {1, 0, 0}, 2, 3, descriptor.data());
+  CHECK(traits::normal(map, p).x == 1);
+  CHECK(traits::min_distance(map, p) == 2);
+  CHECK(traits::max_distance(map, p) == 3);
+  CHECK(traits::descriptor_data(map, p)[31] == 93);
+  CHECK(traits::descriptor_data(map, q)[0] == 0);
+  CHECK(traits::max_distance(map, q) == 0);
+  CHECK(traits::reference(map, q) == map_keyframe_id{});
+  CHECK(turbomap::observe(map, p, a, 1));
+  CHECK(map.point_at(a, 1) == p);
+  CHECK(map.observations(p)[0].keypoint == 1);
+  CHECK(map.keyframe_at(map.observations(p)[0].keyframe) == a);
 }
 
-TEST_CASE("a slot holds one point, and a camera sees a point once") {
-  simple_map map;
-  map.add_keyframe(4, {}), map.add_keyframe(4, {});
-  map.add_point({}), map.add_point({});
-  const rig_of cameras{2};
-  CHECK(map.observe(0, 0, 1, cameras));
-  CHECK_FALSE(map.observe(1, 0, 1, cameras));  // the slot is taken
-  CHECK_FALSE(map.observe(0, 0, 1, cameras));
-  CHECK_FALSE(map.observe(0, 0, 0, cameras));  // seen by this camera already
-  CHECK_FALSE(map.observe(0, 0, 2));           // one camera a keyframe
-  CHECK(map.observe(0, 0, 2, cameras));        // the other camera
-  CHECK_FALSE(map.observe(0, 0, 3, cameras));
-  CHECK(map.observe(0, 1, 3, cameras));
-  CHECK(map.observe(1, 0, 0));
-  CHECK(map.slots(0) == std::vector<std::int32_t>{1, 0, 0, none});
-  CHECK(map.observations(0).size() == 3);
-  CHECK(consistent(map));
-}
-
-TEST_CASE("indices out of range change nothing") {
-  simple_map map;
-  map.add_keyframe(2, {});
-  map.add_point({});
-  CHECK_THROWS_WITH_AS(map.add_keyframe(-1, {}), "turbomap: keypoints = -1: must not be negative",
+TEST_CASE("bad input is refused, and changes nothing") {
+  CHECK_THROWS_WITH_AS(flat_map(0), "turbomap: levels = 0: must be in [1, 256]: octaves are bytes",
                        std::invalid_argument);
-  CHECK(map.keyframe_count() == 1);
-  for (const auto& [point, keyframe, keypoint] : {std::array{-1, 0, 0}, std::array{1, 0, 0}, std::array{0, -1, 0},
-                                                  std::array{0, 1, 0}, std::array{0, 0, -1}, std::array{0, 0, 2}})
-    CHECK_THROWS_AS(map.observe(point, keyframe, keypoint), std::invalid_argument);
-  CHECK_THROWS_AS(map.point_at(0, 2), std::invalid_argument);
-  CHECK_THROWS_AS(map.point_at(1, 0), std::invalid_argument);
-  CHECK(map.slots(0) == std::vector<std::int32_t>{none, none});
-  CHECK(map.observations(0).empty());
+  CHECK_THROWS_AS(flat_map(257), std::invalid_argument);
+  flat_map(1), flat_map(256);
+  flat_map map(3);
+  const std::vector<turbomap::keypoint> good{make_keypoint(2)}, bad{make_keypoint(2), make_keypoint(3)};
+  const auto k = map.add_keyframe(good, {});
+  const auto p = map.add_point({1, 2, 3}, k);
+  const auto before = everything(map);
+  CHECK_THROWS_WITH_AS(map.add_keyframe(bad, {}),
+                       "turbomap: keypoints[].octave = 3: is not a level of the map's pyramid", std::invalid_argument);
+  for (const map_keyframe_id unknown : {map_keyframe_id{}, map_keyframe_id{1, 0}, map_keyframe_id{0, 1}}) {
+    CHECK_FALSE(map.alive(unknown));
+    CHECK_THROWS_AS(map.T_cw(unknown), std::invalid_argument);
+    CHECK_THROWS_AS(map.set_pose(unknown, {}), std::invalid_argument);
+    CHECK_THROWS_AS(map.keypoints(unknown), std::invalid_argument);
+    CHECK_THROWS_AS(map.point_at(unknown, 0), std::invalid_argument);
+    if (unknown == map_keyframe_id{}) continue;
+    CHECK_THROWS_AS(map.add_keyframe(good, {}, 0, unknown), std::invalid_argument);
+    CHECK_THROWS_AS(map.add_point({}, unknown), std::invalid_argument);
+  }
+  for (const map_point_id unknown : {map_point_id{}, map_point_id{1, 0}, map_point_id{0, 1}}) {
+    CHECK_FALSE(map.alive(unknown));
+    CHECK_THROWS_AS(map.position(unknown), std::invalid_argument);
+    CHECK_THROWS_AS(map.observations(unknown), std::invalid_argument);
+    CHECK_THROWS_AS(map.seen_in_tracking(unknown, 1, 1), std::invalid_argument);
+  }
+  CHECK_THROWS_WITH_AS(map.point_at(k, 1), "turbomap: keypoint = 1: is not a keypoint of the keyframe",
+                       std::invalid_argument);
+  CHECK(everything(map) == before);
+  CHECK(map.alive(p));
 }
 
-TEST_CASE("covisible keyframes: most shared first, equal ones by index, two views of a rig are one") {
-  simple_map map;
-  for (int k = 0; k < 4; ++k) map.add_keyframe(4, {});
-  for (int p = 0; p < 3; ++p) map.add_point({});
-  const rig_of cameras{2};
-  // Keyframe 3 sees points 0, 1, 2; 0 sees 0 twice; 1 sees 1 and 2; 2 sees 2.
-  for (const auto& [p, k, i] :
-       {std::array{0, 3, 0}, std::array{0, 3, 2}, std::array{1, 3, 1}, std::array{2, 3, 3}, std::array{0, 0, 0},
-        std::array{0, 0, 3}, std::array{1, 1, 0}, std::array{2, 1, 1}, std::array{2, 2, 0}})
-    CHECK(map.observe(p, k, i, cameras));
-  const auto of = [&map](std::int32_t k) {
-    std::vector<std::pair<int, int>> all;
-    for (const auto& c : map.covisible(k)) all.push_back({c.keyframe, c.shared_points});
-    return all;
-  };
-  using pairs = std::vector<std::pair<int, int>>;
-  CHECK(of(3) == pairs{{1, 2}, {0, 1}, {2, 1}});
-  CHECK(of(0) == pairs{{3, 1}});
-  CHECK(of(2) == pairs{{1, 1}, {3, 1}});
-  simple_map lonely;
-  lonely.add_keyframe(1, {});
-  CHECK(lonely.covisible(0).empty());
+TEST_CASE("places are used again, under other names") {
+  flat_map map;
+  const std::vector<turbomap::keypoint> keypoints{make_keypoint(1)};
+  const auto a = map.add_keyframe(keypoints, {});
+  const auto p = map.add_point({1, 1, 1}, a);
+  turbomap::observe(map, p, a, 0);
+  turbomap::erase_point(map, p);
+  CHECK_FALSE(map.alive(p));
+  CHECK(map.point_count() == 0);
+  CHECK(map.point_at(a, 0) == map_point_id{});
+  const auto q = map.add_point({2, 2, 2});
+  CHECK(q.index == p.index);
+  CHECK(q != p);
+  CHECK(map.alive(q));
+  CHECK_FALSE(map.alive(p));
+  CHECK(traits::id(map, q) == 1);  // ids are never used again
+  CHECK(map.observations(q).empty());
+  CHECK(traits::octave_counts(map, q)[1] == 0);
+  CHECK(turbomap::resolve(map, p) == map_point_id{});
+  turbomap::observe(map, q, a, 0);
+  turbomap::erase_keyframe(map, a, 0);
+  CHECK_FALSE(map.alive(a));
+  CHECK_FALSE(map.alive(q));
+  CHECK(map.keyframe_count() == 0);
+  const auto b = map.add_keyframe(keypoints, {});
+  CHECK(b.index == a.index);
+  CHECK(b != a);
+  CHECK(traits::id(map, b) == 1);
+  CHECK(map.point_at(b, 0) == map_point_id{});
+  CHECK_THROWS_AS(map.point_at(a, 0), std::invalid_argument);
 }
 
-TEST_CASE("random maps against sets") {
-  std::mt19937 random(9);
-  for (int round = 0; round < 20; ++round) {
-    simple_map map;
-    const int keyframes = 6, keypoints = 30, points = 25;
-    for (int k = 0; k < keyframes; ++k) map.add_keyframe(keypoints, {});
-    for (int p = 0; p < points; ++p) map.add_point({});
-    std::vector<std::set<int>> seen(keyframes);
-    int made = 0;
-    for (int i = 0; i < 400; ++i) {
-      const int p = static_cast<int>(random() % points), k = static_cast<int>(random() % keyframes);
-      if (!map.observe(p, k, static_cast<int>(random() % keypoints), rig_of{15})) continue;
-      seen[static_cast<std::size_t>(k)].insert(p);
-      ++made;
+TEST_CASE("what a merged point became is known until it is forgotten") {
+  flat_map map;
+  std::vector<std::pair<map_keyframe_id, std::size_t>> scratch;
+  const auto a = map.add_point({}), b = map.add_point({}), c = map.add_point({});
+  map.seen_in_tracking(a, 10, 1), map.seen_in_tracking(b, 4, 3);
+  CHECK(traits::found_ratio(map, a) == 0.1F);
+  CHECK(traits::found_ratio(map, c) == 1);
+  CHECK(turbomap::merge_points(map, a, b, turbomap::merge_rule::refuse, scratch));
+  CHECK(traits::found_ratio(map, b) == 4.F / 14);
+  CHECK(turbomap::merge_points(map, b, c, turbomap::merge_rule::refuse, scratch));
+  CHECK(map.point_count() == 1);
+  CHECK(traits::replacement(map, a) == b);
+  CHECK(turbomap::resolve(map, a) == c);
+  const auto d = map.add_point({});  // not in the place of a or b
+  CHECK(d.index == 3);
+  map.forget_replacements(), map.forget_replacements();
+  CHECK(turbomap::resolve(map, a) == map_point_id{});
+  CHECK(turbomap::resolve(map, b) == map_point_id{});
+  CHECK(turbomap::resolve(map, c) == c);
+  const auto e = map.add_point({}), f = map.add_point({}), g = map.add_point({});
+  CHECK(e.index + f.index == 1);
+  CHECK(g.index == 4);
+  CHECK(map.point_count() == 5);
+}
+
+TEST_CASE("the chain in time holds through insertion and removal") {
+  flat_map map;
+  const auto a = map.add_keyframe({}, {}, 0), c = map.add_keyframe({}, {}, 2, a);
+  const auto b = map.add_keyframe({}, {}, 1, a);  // between
+  const auto d = map.add_keyframe({}, {}, 3, c);
+  const auto chain = [&map](map_keyframe_id k) {
+    std::vector<double> times;
+    map_keyframe_id last{};
+    for (; k != map_keyframe_id{}; last = k, k = traits::next(map, k)) {
+      CHECK(traits::previous(map, k) == last);
+      times.push_back(traits::time(map, k));
     }
-    CHECK(made > 100);
-    CHECK(consistent(map));
-    for (int k = 0; k < keyframes; ++k) {
-      const auto found = map.covisible(k);
-      CHECK(found.size() <= keyframes - 1);
-      for (std::size_t i = 0; i < found.size(); ++i) {
-        std::vector<int> both;
-        const auto &a = seen[static_cast<std::size_t>(k)], &b = seen[static_cast<std::size_t>(found[i].keyframe)];
-        std::set_intersection(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(both));
-        CHECK(found[i].shared_points == static_cast<int>(both.size()));
-        if (i > 0) CHECK(found[i - 1].shared_points >= found[i].shared_points);
+    return times;
+  };
+  CHECK(chain(a) == std::vector<double>{0, 1, 2, 3});
+  turbomap::erase_keyframe(map, c);
+  CHECK(chain(a) == std::vector<double>{0, 1, 3});
+  turbomap::erase_keyframe(map, a);
+  CHECK(chain(b) == std::vector<double>{1, 3});
+  turbomap::erase_keyframe(map, d);
+  CHECK(chain(b) == std::vector<double>{1});
+  const auto e = map.add_keyframe({}, {}, 9);  // a chain of its own
+  CHECK(traits::previous(map, e) == map_keyframe_id{});
+  CHECK(chain(b) == std::vector<double>{1});
+}
+
+TEST_CASE("memory grows by doubling: few allocations for many points and keyframes") {
+  flat_map map;
+  const std::size_t before = allocations;
+  for (int i = 0; i < 20000; ++i) map.add_point({});
+  CHECK(allocations - before < 400);
+  const std::size_t middle = allocations;
+  for (int i = 0; i < 2000; ++i) map.add_keyframe({}, {});
+  CHECK(allocations - middle < 200);
+}
+
+TEST_CASE("out of memory leaves the map as it was") {
+  const std::vector<turbomap::keypoint> keypoints(5);
+  flat_map map;
+  for (int i = 0; i < 8; ++i) map.add_point({}), map.add_keyframe(keypoints, {});  // everything is full
+  int refused = 0;
+  for (const bool point : {true, false}) {
+    const auto before = everything(map);
+    for (std::size_t until = 0;; ++until) {
+      allowed = until;
+      bool done = true;
+      try {
+        point ? static_cast<void>(map.add_point({})) : static_cast<void>(map.add_keyframe(keypoints, {}));
+      } catch (const std::bad_alloc&) {
+        done = false;
       }
+      allowed = std::numeric_limits<std::size_t>::max();
+      if (done) break;
+      ++refused;
+      CHECK(everything(map) == before);
+      CHECK(map.point_count() == (point ? 8 : 9));
+      CHECK(map.keyframe_count() == 8);
     }
   }
+  CHECK(refused > 4);
+  CHECK(map.point_count() == 9);
+  CHECK(map.keyframe_count() == 9);
+  const auto p = map.add_point({});
+  turbomap::erase_point(map, p);
+  CHECK(map.point_count() == 9);
 }
 
 }  // namespace

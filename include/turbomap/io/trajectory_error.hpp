@@ -22,19 +22,31 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Root mean square distance (m) of `estimate` to `truth` after the rigid transform that makes it least (Umeyama, 1991,
-/// without scale). NaN for fewer than three positions: they do not define the alignment. Throws std::invalid_argument
-/// unless both have the same length.
+/// The rigid transform that brings `from` nearest to `to` in the mean of squares (Umeyama, 1991, without scale). Throws
+/// std::invalid_argument unless both have the same length, of three or more: fewer do not define it.
+inline isometry<double> rigid_alignment(span<const vec3<double>> from, span<const vec3<double>> to) {
+  require(from.size() == to.size(), "to", to.size(), "must be as many positions as `from`");
+  require(from.size() >= 3, "from", from.size(), "must be three positions or more");
+  using positions = Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic>>;
+  const auto count = static_cast<Eigen::Index>(from.size());
+  const Eigen::Matrix4d T =
+      Eigen::umeyama(positions(&from.data()->x, 3, count), positions(&to.data()->x, 3, count), false);
+  isometry<double> result;
+  for (int row = 0; row < 3; ++row)
+    for (int column = 0; column < 3; ++column) result.R(row, column) = T(row, column);
+  result.t = {T(0, 3), T(1, 3), T(2, 3)};
+  return result;
+}
+
+/// Root mean square distance (m) of `estimate` to `truth` after their rigid_alignment(). NaN for fewer than three positions.
+/// Throws std::invalid_argument unless both have the same length.
 inline double absolute_trajectory_error(span<const vec3<double>> estimate, span<const vec3<double>> truth) {
   require(estimate.size() == truth.size(), "truth", truth.size(), "must be as many positions as the estimate");
   if (estimate.size() < 3) return std::nan("");
-  using positions = Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic>>;
-  const auto count = static_cast<Eigen::Index>(estimate.size());
-  const positions from(&estimate.data()->x, 3, count), to(&truth.data()->x, 3, count);
-  const Eigen::Matrix4d T = Eigen::umeyama(from, to, false);
-  const Eigen::Matrix3Xd left =
-      (T.topLeftCorner<3, 3>() * from).colwise() + Eigen::Vector3d(T.topRightCorner<3, 1>()) - to;
-  return std::sqrt(left.squaredNorm() / static_cast<double>(count));
+  const isometry<double> T = rigid_alignment(estimate, truth);
+  double sum = 0;
+  for (std::size_t i = 0; i < estimate.size(); ++i) sum += squared_norm(T * estimate[i] - truth[i]);
+  return std::sqrt(sum / static_cast<double>(estimate.size()));
 }
 
 /// The camera's centre in the ground truth at the time nearest to `t_ns`: body pose times T_bc. The recording must have

@@ -16,9 +16,6 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Scalar of every geometric decision.
-using decision = strict<double>;
-
 /// Camera a of the query keyframe against camera b of a neighbour.
 struct pair_geometry {
   isometry<decision> T_ba;       ///< camera a to camera b

@@ -18,12 +18,8 @@
 
 namespace turbomap {
 
-/// Options of the neighbour rules. Defaults are those of [ORB-SLAM3].
+/// Options of the neighbour rules. Defaults are those of [ORB-SLAM3]. How many neighbours: neighbourhood_options.
 struct neighbour_options {
-  int min_shared_points = 15;              ///< keyframes that share fewer are not covisible, unless no other is
-  int stereo_neighbours = 10;              ///< best covisible keyframes with stereo depth
-  int monocular_neighbours = 30;           ///< and without
-  int inertial_neighbours = 11;            ///< inertial: temporal predecessors are added while there are fewer
   double min_baseline_depth_ratio = 0.01;  ///< monocular: baseline / median depth of the neighbour's points
 };
 

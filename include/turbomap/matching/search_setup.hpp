@@ -188,7 +188,7 @@ class search_setup {
                                       k.view.octave == nullptr || k.view.descriptor == nullptr))
       reject((argument + ".view").c_str(), "null", "pixel, bearing, octave and descriptor are needed");
     if constexpr (std::is_same_v<memory_of_t<Policy>, host_memory>)  // a device's views cannot be read here
-      require_cameras(k.view, (argument + ".view").c_str());
+      if (!has_cameras(k.view)) require_cameras(k.view, (argument + ".view").c_str());
   }
 
   static std::int64_t unmapped(const posed& k) {

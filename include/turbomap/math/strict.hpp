@@ -91,6 +91,9 @@ struct strict {
   TURBOMAP_HD friend bool operator!=(strict a, strict b) { return a.value != b.value; }
 };
 
+/// What geometry is computed in where it accepts or rejects.
+using decision = strict<double>;
+
 /// Square root, correctly rounded.
 template <class T>
 TURBOMAP_HD strict<T> sqrt(strict<T> a) {

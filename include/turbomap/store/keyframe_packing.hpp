@@ -58,7 +58,7 @@ inline void sort_by_group(std::vector<std::uint64_t>& values, std::vector<std::u
 
 }  // namespace detail
 
-/// Validates a keyframe and lays it out. `scratch` is needed by pack(). Throws std::invalid_argument (see validate()).
+/// Validates a keyframe and lays it out. `scratch` is needed by pack_keyframe(). Throws std::invalid_argument (see validate()).
 /// O(N + G log G) for G keypoints with a group.
 template <class Descriptor, class Camera>
 keyframe_layout plan_packing(const keyframe_data<Descriptor, Camera>& data, const keyframe_packing_options& options,
@@ -180,7 +180,7 @@ void pack_field(const keyframe_layout& layout, std::size_t offset, std::byte* bl
 /// Cameras whose resolution is unknown are measured, once for images of about one size (measured_cameras). Bytes
 /// between arrays are zero, so equal keyframes packed after the same ones are equal blocks.
 template <class Descriptor, class Camera>
-void pack(const keyframe_data<Descriptor, Camera>& data, const keyframe_layout& layout,
+void pack_keyframe(const keyframe_data<Descriptor, Camera>& data, const keyframe_layout& layout,
           keyframe_packing_scratch& scratch, std::byte* block) {
   using detail::pack_field;
   const keypoint* k = data.keypoints;

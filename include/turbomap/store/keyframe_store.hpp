@@ -178,7 +178,7 @@ class keyframe_store {
     lane.transfer.reserve(layout.bytes);
     reservation place(*this, layout);
     std::byte* host = lane.transfer.packing_area(place.block());
-    pack(data, layout, lane.scratch, host);
+    pack_keyframe(data, layout, lane.scratch, host);
     lane.transfer.upload(place.block(), host, layout.bytes);
     lane.transfer.wait();
     return place.publish();

@@ -57,17 +57,29 @@ inline void validate_keypoint(const keypoint& k, int i, int levels, int cameras)
 }
 }  // namespace detail
 
+namespace detail {
+template <class Descriptor, class Camera>
+std::uint8_t most_camera(const keyframe_view<Descriptor, Camera>& view) {
+  std::uint8_t most = 0;
+  for (int i = 0; i < view.keypoint_count; ++i) most = view.camera[i] > most ? view.camera[i] : most;
+  return most;
+}
+}  // namespace detail
+
+/// Whether every keypoint's camera is one of the rig; the view is in host memory. O(N), a byte each.
+template <class Descriptor, class Camera>
+bool has_cameras(const keyframe_view<Descriptor, Camera>& view) {
+  return view.camera == nullptr || view.keypoint_count <= 0 || detail::most_camera(view) < view.camera_count;
+}
+
 /// Throws std::invalid_argument when a keypoint of a view in host memory names a camera that the rig does not have: a
 /// view of the store cannot, one that a user made himself may. A view in device memory cannot be looked at here; there
 /// such a camera is read out of bounds. O(N), a byte each.
 /// \param argument  what the view is called in the message
 template <class Descriptor, class Camera>
 void require_cameras(const keyframe_view<Descriptor, Camera>& view, const char* argument) {
-  if (view.camera == nullptr) return;
-  std::uint8_t most = 0;
-  for (int i = 0; i < view.keypoint_count; ++i) most = view.camera[i] > most ? view.camera[i] : most;
-  if (view.keypoint_count > 0 && most >= view.camera_count)
-    reject((std::string(argument) + ".camera").c_str(), int{most}, "must be below the number of cameras");
+  if (!has_cameras(view))
+    reject((std::string(argument) + ".camera").c_str(), int{detail::most_camera(view)}, "must be below the number of cameras");
 }
 
 /// Throws std::invalid_argument naming argument, index and value when the keyframe cannot be stored: missing arrays, no

@@ -1,0 +1,115 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Map points looked for again in keyframes that may see them, in one call: what it finds are duplicates to fuse.
+
+#include <type_traits>
+
+#include "../camera/camera_concept.hpp"
+#include "../config.hpp"
+#include "../context.hpp"
+#include "../descriptor/descriptor_concept.hpp"
+#include "duplicate_prefilter.hpp"
+#include "duplicate_setup.hpp"
+#include "duplicate_test.hpp"
+#include "duplicates.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Index i = request * blocks + block: `BlockSize` points in one camera of one target.
+template <class Descriptor, class Camera, int BlockSize>
+struct duplicate_search {
+  using distance_type = typename Descriptor::distance_type;
+
+  duplicate_view<Descriptor, Camera> search;
+
+  TURBOMAP_HD int blocks() const { return (search.points.count + BlockSize - 1) / BlockSize; }
+
+  TURBOMAP_HD void operator()(int i) const {
+    const int request = i / blocks(), first = i % blocks() * BlockSize;
+    const int last = search.points.count - first < BlockSize ? search.points.count : first + BlockSize;
+    const duplicate_camera& camera = search.cameras[request];
+    const std::int64_t at = static_cast<std::int64_t>(request) * search.points.count;
+    const duplicate_test<Descriptor, Camera> test{search, camera};
+    for (int p = first; p < last; ++p) search.hits[at + p] = {-1, no_duplicate_distance<Descriptor>};
+    if (search.trials != nullptr) {
+      for (int p = first; p < last; ++p) store(at + p, search.trials[at + p] = test(p));
+      return;
+    }
+    const duplicate_prefilter<Descriptor, Camera> prefilter(search, camera);
+    for (int p = first; p < last; ++p) {
+      const bool skipped = camera.of.skip != nullptr && camera.of.skip[p] != 0;
+      if (!skipped && prefilter.may_match(p)) store(at + p, test(p));
+    }
+  }
+
+ private:
+  TURBOMAP_HD void store(std::int64_t at, const duplicate_trial<distance_type>& trial) const {
+    if (trial.outcome == duplicate_outcome::matched) search.hits[at] = {trial.keypoint, trial.distance};
+  }
+};
+
+/// For each point and each camera of each target: projects the point, and looks around it for the keypoint of least
+/// descriptor distance <= options.max_distance whose octave and reprojection error fit [ORB-SLAM3], [TurboMap §IV-D].
+/// In this order: not skipped; depth > 0; inside the image (view.cells.bounds, [min, max)); distance to the camera in
+/// [min_range_factor min_distance, max_range_factor max_distance]; viewing ray . normal >= min_view_cosine x distance;
+/// octave predicted as the least k with max_distance / distance <= s^k, clamped; keypoints with |du|, |dv| < radius s^k
+/// and octave k - 1 or k; error^2 / sigma2 <= mono_chi2, or stereo_chi2 with u_right (rectilinear cameras with bf).
+/// Ties: first by cell column, cell row, keypoint; without a cell index by keypoint. It reads a snapshot and changes
+/// nothing: a commit has to look again. Equal on every policy.
+///
+/// \param ctx      the execution context; a bare policy works too, see below
+/// \param points   in host memory; a host policy reads them in place, they must stay until it returns. Points with
+///                 numbers that are not finite match nothing
+/// \param targets  any number, also none; views in the memory of the policy. The keyframes must stay where they are
+///                 until the last use of the result. Rigs of any number of cameras
+/// \param options  thresholds
+/// \param result   of this context; overwritten, its memory reused. Under CUDA the search may still be running on
+///                 return
+/// \throws std::invalid_argument naming argument and value (targets[i].T_cw that is not finite, sizes that do not
+/// fit...); `result` is then as it was
+/// \throws std::bad_alloc  there is no memory left; `result` then holds no matches
+/// Cost: O(points x cameras of all targets), a few operations for most; O(keypoints in the window) for those in view.
+template <class Descriptor, class Camera, class Policy>
+void find_duplicates(context<Policy>& ctx, const map_point_view<Descriptor>& points,
+                     span<const duplicate_target<Descriptor, Camera>> targets, const duplicate_options& options,
+                     duplicates<Descriptor, Camera, Policy>& result) {
+  static_assert(require_descriptor<Descriptor>());
+  static_assert(require_camera<Camera>());
+  // A thread of a device takes one point; a host's loop over a block keeps the camera at hand.
+  constexpr int block_size = std::is_same_v<memory_of_t<Policy>, host_memory> ? 64 : 1;
+  ctx.begin_call();
+  const auto search = duplicate_setup<Descriptor, Camera, Policy>{ctx, result}(points, targets, options);
+  if (search.request_count == 0 || points.count == 0) return;
+  try {
+    for_each_index(ctx.policy(), search.request_count, prepare_duplicate_camera<Descriptor, Camera>{search});
+    const duplicate_search<Descriptor, Camera, block_size> body{search};
+    for_each_index(ctx.policy(), search.request_count * body.blocks(), body);
+  } catch (...) {  // out of memory
+    result.clear();
+    throw;
+  }
+}
+
+/// The same with a fresh result.
+template <class Descriptor, class Camera, class Policy>
+duplicates<Descriptor, Camera, Policy> find_duplicates(context<Policy>& ctx, const map_point_view<Descriptor>& points,
+                                                       span<const duplicate_target<Descriptor, Camera>> targets,
+                                                       const duplicate_options& options = {}) {
+  duplicates<Descriptor, Camera, Policy> result(ctx);
+  find_duplicates(ctx, points, targets, options, result);
+  return result;
+}
+
+/// The same under a bare policy, in a temporary context: the plan, on the host.
+template <class Descriptor, class Camera, class Policy, class = std::enable_if_t<!is_context<Policy>::value>>
+typename duplicates<Descriptor, Camera, Policy>::plan_type find_duplicates(
+    const Policy& policy, const map_point_view<Descriptor>& points,
+    span<const duplicate_target<Descriptor, Camera>> targets, const duplicate_options& options = {}) {
+  context<Policy> ctx(policy);
+  return find_duplicates(ctx, points, targets, options).plan(ctx);
+}
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,157 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The decision of the duplicate search: one point in one camera, test by test [ORB-SLAM3], in strict<double>, so that
+/// every policy and every compiler decides alike.
+
+#include "../config.hpp"
+#include "../math/functions.hpp"
+#include "duplicate_view.hpp"
+#include "duplicate_window.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// The point as it is predicted to be seen.
+struct predicted_keypoint {
+  vec2<decision> pixel;
+  decision u_right;  ///< valid where the camera has bf
+  decision radius;   ///< px, half the side of the window
+  int level;         ///< -1: any octave will do
+};
+
+/// Looks for the most similar keypoint in the window.
+template <class Descriptor, class Camera>
+class duplicate_scan {
+ public:
+  using distance_type = typename Descriptor::distance_type;
+
+  TURBOMAP_HD duplicate_scan(const duplicate_view<Descriptor, Camera>& search, const duplicate_camera& camera,
+                             const predicted_keypoint& predicted, int point)
+      : search_(search),
+        view_(search.keyframes[camera.of.target]),
+        predicted_(predicted),
+        descriptor_(search.descriptor_of(point)),
+        stereo_(camera.bf > decision(0)) {}
+
+  TURBOMAP_HD bool operator()(int keypoint) {
+    const vec2<decision> seen = cast<decision>(view_.pixel[keypoint]);
+    const decision du = seen.x - predicted_.pixel.x, dv = seen.y - predicted_.pixel.y;
+    if (!(abs(du) < predicted_.radius) || !(abs(dv) < predicted_.radius)) return false;
+    in_window = true;
+    const int octave = view_.octave[keypoint], level = predicted_.level;
+    if (level >= 0 && (octave > level || octave < level - 1)) return false;
+    decision error = du * du + dv * dv;
+    double chi2 = search_.options.mono_chi2;
+    if (stereo_ && view_.is_stereo(keypoint)) {
+      const decision dr = decision(view_.u_right[keypoint]) - predicted_.u_right;
+      error += dr * dr;
+      chi2 = search_.options.stereo_chi2;
+    }
+    if (!(error <= decision(chi2) * decision(search_.sigma2[octave]))) return false;
+    const distance_type d = Descriptor::distance(descriptor_, view_.descriptor_of(keypoint));
+    if (best < 0 ? d <= Descriptor::worst
+                 : d < distance) {  // the first of equal ones stays; never one that is no number
+      best = keypoint;
+      distance = d;
+    }
+    return false;
+  }
+
+  bool in_window = false;
+  std::int32_t best = -1;
+  distance_type distance = no_duplicate_distance<Descriptor>;
+
+ private:
+  const duplicate_view<Descriptor, Camera>& search_;
+  const keyframe_view<Descriptor, Camera>& view_;
+  const predicted_keypoint& predicted_;
+  const typename Descriptor::element* descriptor_;
+  bool stereo_;
+};
+
+/// Octave at which a point at `distance` should be found: the least k with max_distance / distance <= s^k, clamped to
+/// the pyramid.
+TURBOMAP_HD inline int predicted_octave(decision max_distance, decision distance, const float* scale, int levels) {
+  const decision ratio = max_distance / distance;
+  int level = 0;
+  while (level < levels - 1 && decision(scale[level]) < ratio) ++level;
+  return level;
+}
+
+/// One point in one camera, from projection to the most similar keypoint.
+template <class Descriptor, class Camera>
+struct duplicate_test {
+  using trial_type = duplicate_trial<typename Descriptor::distance_type>;
+  const duplicate_view<Descriptor, Camera>& search;
+  const duplicate_camera& camera;
+
+  TURBOMAP_HD trial_type operator()(int point) const {
+    trial_type trial{duplicate_outcome::skipped, -1, -1, no_duplicate_distance<Descriptor>};
+    if (camera.of.skip != nullptr && camera.of.skip[point] != 0) return trial;
+    predicted_keypoint predicted;
+    if (!predict(point, predicted, trial.outcome)) return trial;
+    trial.level = static_cast<std::int16_t>(predicted.level);
+    duplicate_scan<Descriptor, Camera> scan(search, camera, predicted, point);
+    visit_window(search.keyframes[camera.of.target], camera.of.camera, predicted.pixel.x.value, predicted.pixel.y.value,
+                 predicted.radius.value, scan);
+    trial.keypoint = scan.best;
+    trial.distance = scan.distance;
+    trial.outcome = scan.best >= 0   ? (scan.distance <= search.max_distance ? duplicate_outcome::matched
+                                                                             : duplicate_outcome::too_different)
+                    : scan.in_window ? duplicate_outcome::no_consistent_keypoint
+                                     : duplicate_outcome::no_keypoint;
+    return trial;
+  }
+
+ private:
+  /// False, with the outcome, where the point cannot be seen. Bits tell what is not finite: -ffast-math assumes it
+  /// away.
+  TURBOMAP_HD bool predict(int point, predicted_keypoint& predicted, duplicate_outcome& outcome) const {
+    const duplicate_options& options = search.options;
+    const vec3<double>& position = search.points.position[point];
+    const vec3<decision> X = cast<decision>(position), X_c = camera.T_cw * X;
+    outcome = duplicate_outcome::behind;
+    if (!finite(position) || !(X_c.z > decision(0))) return false;
+
+    outcome = duplicate_outcome::outside;
+    const auto& view = search.keyframes[camera.of.target];
+    if (!view.cameras[camera.of.camera].camera.project(X_c, predicted.pixel)) return false;
+    const image_bounds& b = view.cells.bounds;
+    const decision u = predicted.pixel.x, v = predicted.pixel.y;
+    if (!(u >= decision(b.min_x) && u < decision(b.max_x) && v >= decision(b.min_y) && v < decision(b.max_y)))
+      return false;
+
+    outcome = duplicate_outcome::out_of_range;
+    const vec3<decision> ray = X - camera.centre;
+    const decision distance = norm(ray);
+    if (options.range_gate) {
+      const float least = search.least_distance(point), largest = search.largest_distance(point);
+      if (!detail::is_finite(least) || !detail::is_finite(largest)) return false;
+      if (!(distance >= decision(least) && distance <= decision(largest))) return false;
+    }
+
+    outcome = duplicate_outcome::oblique;
+    if (options.min_view_cosine > -1) {
+      const vec3<float>& normal = search.points.normal[point];
+      if (!finite(normal) || !(dot(ray, cast<decision>(normal)) >= decision(options.min_view_cosine) * distance))
+        return false;
+    }
+
+    predicted.level = options.range_gate ? predicted_octave(decision(search.points.max_distance[point]), distance,
+                                                            search.scale, options.scales.levels)
+                                         : -1;
+    const int window_octave = options.range_gate ? predicted.level : options.window_octave;
+    predicted.radius = decision(options.radius) * decision(search.scale[window_octave]);
+    predicted.u_right = camera.bf > decision(0) ? u - camera.bf / X_c.z : decision(0);
+    return true;
+  }
+
+  template <class T>
+  TURBOMAP_HD static bool finite(const vec3<T>& a) {
+    return detail::is_finite(a.x) && detail::is_finite(a.y) && detail::is_finite(a.z);
+  }
+};
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,89 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Which keyframes see the same points as one keyframe, and how many.
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "../config.hpp"
+#include "map_traits.hpp"
+#include "numbering.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// A keyframe and how many points it shares with another.
+template <class Keyframe>
+struct covisible {
+  Keyframe keyframe;
+  int shared_points;
+};
+
+/// Computes covisibilities; make one and use it again: its memory is reused.
+template <class Map>
+class covisibility {
+ public:
+  using traits = map_traits<Map>;
+  using keyframe = typename traits::keyframe;
+
+  /// Keyframes that share at least `min_shared` points with `query`, most shared first, equal ones in order of insertion.
+  /// Without any, the one that shares most (with any points at all) is left, as in [ORB-SLAM3]. A point counts once a
+  /// keyframe, whatever number of cameras sees it. \param limit  no more than so many, the best; 0: all
+  /// O(observations of its points + k log k). The caller holds the guard.
+  const std::vector<covisible<keyframe>>& operator()(const Map& map, keyframe query, int min_shared, std::size_t limit = 0) {
+    count(map, query);
+    result_.clear();
+    covisible<keyframe> best{};
+    std::uint64_t best_id = 0;
+    for (std::size_t i = 1; i < observers_.size(); ++i) {  // 0 is the query
+      if (shared_[i] == 0) continue;
+      const covisible<keyframe> c{observers_[i], shared_[i]};
+      if (c.shared_points >= min_shared) result_.push_back(c);
+      const std::uint64_t id = traits::id(map, c.keyframe);
+      if (c.shared_points > best.shared_points || (c.shared_points == best.shared_points && id < best_id))
+        best = c, best_id = id;
+    }
+    if (result_.empty() && best.shared_points > 0) result_.push_back(best);
+    const auto first = [&](const covisible<keyframe>& a, const covisible<keyframe>& b) {
+      return a.shared_points != b.shared_points ? a.shared_points > b.shared_points
+                                                : traits::id(map, a.keyframe) < traits::id(map, b.keyframe);
+    };
+    const std::size_t keep = limit == 0 ? result_.size() : std::min(limit, result_.size());
+    std::partial_sort(result_.begin(), result_.begin() + static_cast<std::ptrdiff_t>(keep), result_.end(), first);
+    result_.resize(keep);
+    return result_;
+  }
+
+ private:
+  void count(const Map& map, keyframe query) {
+    observer_numbers_.clear(), counted_.clear();
+    observers_.assign(1, query), shared_.assign(1, 0), last_point_.assign(1, 0);
+    observer_numbers_.place(map, query);
+    const std::size_t keypoints = traits::keypoint_count(map, query);
+    for (std::size_t i = 0; i < keypoints; ++i) {
+      const auto point = traits::point_at(map, query, i);
+      if (point == typename traits::point{} || !traits::alive(map, point)) continue;
+      const std::size_t serial = counted_.size() + 1;
+      if (counted_.place(map, point) + 1 != serial) continue;  // two cameras of the query see it
+      traits::for_each_observation(map, point, [&](keyframe k, std::size_t) {
+        const std::size_t at = observer_numbers_.place(map, k);
+        if (at == observers_.size()) observers_.push_back(k), shared_.push_back(0), last_point_.push_back(0);
+        shared_[at] += last_point_[at] != serial ? 1 : 0;  // else another camera of the same rig
+        last_point_[at] = serial;
+      });
+    }
+  }
+
+  keyframe_numbering<Map> observer_numbers_;
+  point_numbering<Map> counted_;
+  std::vector<keyframe> observers_;
+  std::vector<int> shared_;
+  std::vector<std::size_t> last_point_;
+  std::vector<covisible<keyframe>> result_;
+};
+
+TURBOMAP_END_NAMESPACE

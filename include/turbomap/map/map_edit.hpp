@@ -1,0 +1,241 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Every change that the library makes to a user's map: observe, forget, move, merge, erase. Each writes both sides (the
+/// slot of the keyframe, the list of the point) and keeps the counts, so that these hold before and after:
+/// - a slot holds a live point that lists this keypoint, or nothing; an observation is of a live keyframe whose slot agrees;
+/// - no point is observed twice by one camera of a keyframe;
+/// - counts by octave equal recount().
+/// The caller holds the map's guard. Points are alive and keyframes too, where nothing else is said.
+
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "../config.hpp"
+#include "../math/strict.hpp"
+#include "map_traits.hpp"
+#include "observation_counts.hpp"
+
+namespace turbomap {
+
+/// What becomes of a merge of two points that one camera of a keyframe sees at two different keypoints.
+enum class merge_rule : std::uint8_t {
+  refuse,       ///< they are two points: nothing is changed, nothing is lost
+  drop,         ///< the keypoint of the point that goes is left without a point, as the recorded peer does
+  refuse_apart  ///< refuse, if a pair of such keypoints is farther apart than their noise; else drop: detectors find one corner
+                ///< in several octaves
+};
+
+/// When two keypoints of an image may be one: squared distance <= chi2 (sigma2 of one + sigma2 of the other),
+/// sigma2 = scale_factor^(2 octave) px^2.
+struct merge_tolerance {
+  double chi2 = 5.991;  ///< 95 %, 2 dof
+  float scale_factor = pyramid{}.scale_factor;
+};
+
+}  // namespace turbomap
+
+TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+
+template <class Map>
+void change_count([[maybe_unused]] Map& map, [[maybe_unused]] typename map_traits<Map>::point point,
+                  [[maybe_unused]] int octave, [[maybe_unused]] int change) {
+  if constexpr (counts_octaves_v<Map>) map_traits<Map>::change_octave_count(map, point, octave, change);
+}
+
+/// The keyframe's contribution to the counts goes from octave `before` to `after`; -1: none.
+template <class Map>
+void move_count(Map& map, typename map_traits<Map>::point point, int before, int after) {
+  if (before == after) return;
+  if (before >= 0) change_count(map, point, before, -1);
+  if (after >= 0) change_count(map, point, after, +1);
+}
+
+inline int finer(int a, int b) { return a < 0 ? b : b < 0 ? a : a < b ? a : b; }
+
+}  // namespace detail
+
+/// The live point that a point has become: itself, or what it was merged into, merged again and again; point{} for none. A
+/// chain that runs in a circle, which no edit makes, ends too.
+template <class Map>
+typename map_traits<Map>::point resolve(const Map& map, typename map_traits<Map>::point point) {
+  using traits = map_traits<Map>;
+  const typename traits::point none{};
+  auto slow = point;
+  for (bool advance = false; !(point == none) && !traits::alive(map, point); advance = !advance) {
+    point = traits::replacement(map, point);
+    if (advance) slow = traits::replacement(map, slow);
+    if (point == slow) return traits::alive(map, point) ? point : none;
+  }
+  return point;
+}
+
+/// Keypoint `keypoint` of `keyframe` sees `point`. False, and nothing is changed, where the slot holds a point already or
+/// the same camera sees the point already. O(views).
+template <class Map>
+bool observe(Map& map, typename map_traits<Map>::point point, typename map_traits<Map>::keyframe keyframe,
+             std::size_t keypoint) {
+  using traits = map_traits<Map>;
+  if (!(traits::point_at(map, keyframe, keypoint) == typename traits::point{})) return false;
+  const auto k = traits::keypoint(map, keyframe, keypoint);
+  if (observed_at(map, point, keyframe, k.camera) >= 0) return false;
+  const int before = finest_octave(map, point, keyframe);
+  traits::add_observation(map, point, keyframe, keypoint);
+  traits::set_point(map, keyframe, keypoint, point);
+  detail::move_count(map, point, before, detail::finer(before, k.octave));
+  return true;
+}
+
+/// The keypoint sees its point no longer; the point stays, even without observations (see fade()). Its reference keyframe,
+/// when it loses its last view there, becomes the observer of lowest id. Returns the point, point{} for an empty slot.
+template <class Map>
+typename map_traits<Map>::point forget(Map& map, typename map_traits<Map>::keyframe keyframe, std::size_t keypoint) {
+  using traits = map_traits<Map>;
+  const typename traits::point none{}, point = traits::point_at(map, keyframe, keypoint);
+  if (point == none) return none;
+  const int before = finest_octave(map, point, keyframe);
+  traits::erase_observation(map, point, keyframe, keypoint);
+  traits::set_point(map, keyframe, keypoint, none);
+  const int after = finest_octave(map, point, keyframe);
+  detail::move_count(map, point, before, after);
+  if (after < 0 && traits::reference(map, point) == keyframe) {
+    typename traits::keyframe first{};
+    bool found = false;
+    traits::for_each_observation(map, point, [&](typename traits::keyframe observer, std::size_t) {
+      if (!found || traits::id(map, observer) < traits::id(map, first)) first = observer;
+      found = true;
+    });
+    if (found) traits::set_reference(map, point, first);
+  }
+  return point;
+}
+
+/// Takes a point out of the map, merged or not: all its slots are emptied first. O(views^2).
+template <class Map>
+void erase_point(Map& map, typename map_traits<Map>::point point, typename map_traits<Map>::point replacement = {}) {
+  using traits = map_traits<Map>;
+  for (;;) {  // the list changes while it is emptied
+    bool any = false;
+    typename traits::keyframe observer{};
+    std::size_t at = 0;
+    traits::for_each_observation(map, point, [&](typename traits::keyframe k, std::size_t i) {
+      if (!any) observer = k, at = i;
+      any = true;
+    });
+    if (!any) break;
+    const int before = finest_octave(map, point, observer);
+    traits::erase_observation(map, point, observer, at);
+    traits::set_point(map, observer, at, typename traits::point{});
+    detail::move_count(map, point, before, finest_octave(map, point, observer));
+  }
+  traits::retire(map, point, replacement);
+}
+
+/// Forgets, and erases the point when it keeps `fewest` measurements or less (2: a point dies then, [ORB-SLAM3]). True if
+/// it died.
+template <class Map>
+bool fade(Map& map, typename map_traits<Map>::keyframe keyframe, std::size_t keypoint, int fewest = 2) {
+  const auto point = forget(map, keyframe, keypoint);
+  if (point == typename map_traits<Map>::point{} || measurement_count(map, point) > fewest) return false;
+  erase_point(map, point);
+  return true;
+}
+
+/// The observation goes from one keypoint of a keyframe to another. False, and nothing is changed, where there is none, the
+/// target slot is taken, or the camera of the target sees the point by a third keypoint.
+template <class Map>
+bool move_observation(Map& map, typename map_traits<Map>::keyframe keyframe, std::size_t from, std::size_t to) {
+  using traits = map_traits<Map>;
+  const typename traits::point none{}, point = traits::point_at(map, keyframe, from);
+  if (point == none || !(traits::point_at(map, keyframe, to) == none)) return false;
+  const auto other = observed_at(map, point, keyframe, traits::keypoint(map, keyframe, to).camera);
+  if (other >= 0 && static_cast<std::size_t>(other) != from) return false;
+  const int before = finest_octave(map, point, keyframe);
+  traits::erase_observation(map, point, keyframe, from);
+  traits::set_point(map, keyframe, from, none);
+  traits::add_observation(map, point, keyframe, to);
+  traits::set_point(map, keyframe, to, point);
+  detail::move_count(map, point, before, finest_octave(map, point, keyframe));
+  return true;
+}
+
+/// Whether a camera sees the two points at two keypoints at once: then they are two. O(views of one x views of the other).
+template <class Map>
+bool seen_apart(const Map& map, typename map_traits<Map>::point a, typename map_traits<Map>::point b) {
+  using traits = map_traits<Map>;
+  bool apart = false;
+  traits::for_each_observation(map, a, [&](typename traits::keyframe observer, std::size_t keypoint) {
+    apart = apart || observed_at(map, b, observer, traits::keypoint(map, observer, keypoint).camera) >= 0;
+  });
+  return apart;
+}
+
+/// The same, of keypoints that are farther apart than the tolerance.
+template <class Map>
+bool seen_apart(const Map& map, typename map_traits<Map>::point a, typename map_traits<Map>::point b,
+                const merge_tolerance& tolerance) {
+  using traits = map_traits<Map>;
+  using S = strict<double>;
+  const auto sigma2 = [&](int octave) {
+    S s(1);
+    for (int o = 0; o < octave; ++o) s *= S(static_cast<double>(tolerance.scale_factor));
+    return s * s;
+  };
+  bool apart = false;
+  traits::for_each_observation(map, a, [&](typename traits::keyframe observer, std::size_t keypoint) {
+    const auto& k = traits::keypoint(map, observer, keypoint);
+    const auto other = observed_at(map, b, observer, k.camera);
+    if (other < 0) return;
+    const auto& o = traits::keypoint(map, observer, static_cast<std::size_t>(other));
+    const S dx(static_cast<double>(k.x) - static_cast<double>(o.x));
+    const S dy(static_cast<double>(k.y) - static_cast<double>(o.y));
+    apart = apart || !(dx * dx + dy * dy <= S(tolerance.chi2) * (sigma2(k.octave) + sigma2(o.octave)));
+  });
+  return apart;
+}
+
+/// `from` becomes `into`: its observations move over, it is retired with `into` as its replacement. False, and nothing is
+/// changed, when the rule refuses; under merge_rule::refuse no observation is ever lost. `scratch` is reused memory; it grows,
+/// and room for the observations is made (reserve_observations of the traits), before anything is changed.
+template <class Map>
+bool merge_points(Map& map, typename map_traits<Map>::point from, typename map_traits<Map>::point into, merge_rule rule,
+                  std::vector<std::pair<typename map_traits<Map>::keyframe, std::size_t>>& scratch,
+                  const merge_tolerance& tolerance = {}) {
+  using traits = map_traits<Map>;
+  if (from == into || (rule == merge_rule::refuse && seen_apart(map, from, into)) ||
+      (rule == merge_rule::refuse_apart && seen_apart(map, from, into, tolerance)))
+    return false;
+  scratch.clear();
+  traits::for_each_observation(map, from, [&](typename traits::keyframe observer, std::size_t keypoint) {
+    scratch.push_back({observer, keypoint});
+  });
+  if constexpr (detail::map_has_v<Map, detail::map_reserve_member>)
+    traits::reserve_observations(map, into, scratch.size());
+  erase_point(map, from, into);
+  for (const auto& view : scratch) observe(map, into, view.first, view.second);
+  return true;
+}
+
+/// Takes a keyframe out of the map: it forgets all its points, of which those with `fewest` measurements or less die. The
+/// points that live on and lost a view are appended to `touched`, when given.
+template <class Map>
+void erase_keyframe(Map& map, typename map_traits<Map>::keyframe keyframe, int fewest = 2,
+                    std::vector<typename map_traits<Map>::point>* touched = nullptr) {
+  using traits = map_traits<Map>;
+  const std::size_t count = traits::keypoint_count(map, keyframe);
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto point = traits::point_at(map, keyframe, i);
+    if (point == typename traits::point{}) continue;
+    if (fade(map, keyframe, i, fewest) || touched == nullptr) continue;
+    if (finest_octave(map, point, keyframe) < 0) touched->push_back(point);  // else another camera of the rig sees it yet
+  }
+  traits::erase_keyframe(map, keyframe);
+}
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,49 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What an update of map points takes and gives, as plain data.
+
+#include <cstdint>
+
+#include "../config.hpp"
+#include "../types.hpp"
+
+namespace turbomap {
+
+/// One view of a point: a keypoint of a keyframe of the call. A rig that sees the point with two cameras gives two.
+struct point_observation {
+  std::int32_t keyframe;  ///< index into the call's keyframes
+  std::int32_t keypoint;
+};
+
+/// The points to be updated, in host memory; read during the call only.
+struct map_point_update_view {
+  int count = 0;
+  const vec3<double>* position = nullptr;            ///< count; world, m. Not needed without geometry
+  const std::int32_t* observation_offset = nullptr;  ///< count + 1, from 0, ascending
+  const point_observation* observations = nullptr;   ///< in the order that decides ties: the first wins
+  const std::int32_t* reference = nullptr;           ///< count; reference keyframe of each point, an index into the
+                                                     ///< call's keyframes: one of its observers. Not needed without
+                                                     ///< geometry, nor read for a point without observations
+};
+
+/// Options of update_map_points().
+struct map_point_update_options {
+  pyramid scales;           ///< its distances follow the octave of the reference observation
+  bool descriptors = true;  ///< choose representative descriptors
+  bool geometry = true;     ///< compute normals and distance ranges
+};
+
+/// What a point is after its observations or its position have changed. Without observations everything is 0.
+struct updated_map_point {
+  vec3<float> normal;  ///< mean of the unit rays from the centre of every observing camera to the point, as it comes:
+                       ///< shorter than 1, the more the rays differ
+  float min_distance;  ///< m from the camera at which the pyramid still sees the point: max_distance / s^(levels - 1)
+  float max_distance;  ///< m; distance to the reference keyframe * s^octave
+  std::int32_t
+      medoid;  ///< the observation with the representative descriptor, counted from the point's first; -1: none
+};
+
+}  // namespace turbomap

@@ -1,0 +1,230 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// How the library reads and changes the user's map, whatever it is: a small struct that he specialises once.
+///
+/// This is the interface, as code. A specialisation has static members only; they run on the host, under the guard below.
+/// Reads may be called at any time; writes are called by commits only, one after the other, and must not throw: everything
+/// that can be refused has been refused before the first one. A write changes one side only (a slot, or an observation
+/// list): map_edit.hpp calls them in pairs and keeps the counts, so that no user has to.
+///
+///     template <>
+///     struct turbomap::map_traits<my::Map> {
+///       using keyframe = my::KeyFrame*;     // names a keyframe: copied, compared by ==; keyframe{} names none
+///       using point = my::MapPoint*;        // names a point, in the same way
+///       using descriptor = turbomap::binary_descriptor<256>;
+///       using camera = turbomap::pinhole<float>;  // of the rigs in the keyframe store
+///
+///       // Keyframes
+///       static std::uint64_t id(const my::Map&, keyframe);            // unique; ascends in order of insertion
+///       static bool alive(const my::Map&, keyframe);                  // in the map, not bad
+///       static turbomap::rigid_transform<double> pose(const my::Map&, keyframe);  // T_cw, world to body
+///       static std::size_t keypoint_count(const my::Map&, keyframe);
+///       static turbomap::keypoint keypoint(const my::Map&, keyframe, std::size_t i);
+///       static point point_at(const my::Map&, keyframe, std::size_t i);           // the slot: point{} holds none
+///
+///       // Points
+///       static std::uint64_t id(const my::Map&, point);               // unique; ascends in order of creation
+///       static bool alive(const my::Map&, point);
+///       static point replacement(const my::Map&, point);              // of a merged point; point{}: none
+///       static turbomap::vec3<double> position(const my::Map&, point);            // world, m
+///       static turbomap::vec3<float> normal(const my::Map&, point);   // mean of unit rays from the cameras to the point
+///       static float min_distance(const my::Map&, point);             // m: the range in which the pyramid sees it
+///       static float max_distance(const my::Map&, point);
+///       static const descriptor::element* descriptor_data(const my::Map&, point);
+///       static keyframe reference(const my::Map&, point);
+///       template <class F>
+///       static void for_each_observation(const my::Map&, point, F f); // f(keyframe, std::size_t keypoint)
+///
+///       // Writes
+///       static point add_point(my::Map&, const turbomap::vec3<double>& position, keyframe reference);
+///       static void set_position(my::Map&, point, const turbomap::vec3<double>&);
+///       static void set_appearance(my::Map&, point, const turbomap::vec3<float>& normal, float min_distance,
+///                                  float max_distance, const descriptor::element* descriptor);
+///       static void set_reference(my::Map&, point, keyframe);
+///       static void set_point(my::Map&, keyframe, std::size_t i, point);          // the slot; point{} empties it
+///       static void add_observation(my::Map&, point, keyframe, std::size_t i);
+///       static void erase_observation(my::Map&, point, keyframe, std::size_t i);
+///       static void retire(my::Map&, point, point replacement);       // no longer alive; point{}: erased, not merged
+///       static void erase_keyframe(my::Map&, keyframe);               // its slots are empty by then
+///       static void set_pose(my::Map&, keyframe, const turbomap::rigid_transform<double>& T_cw);
+///
+///       // Optional
+///       static turbomap::span<const std::uint32_t> octave_counts(const my::Map&, point);  // see observation_counts.hpp
+///       static void change_octave_count(my::Map&, point, int octave, int change);         // both or neither
+///       static void reserve_observations(my::Map&, point, std::size_t more);  // may throw: add_observation then does not
+///       static std::size_t index(const my::Map&, keyframe);           // small and unique among the living, e.g. a place in
+///       static std::size_t index(const my::Map&, point);              //    an array: replaces tables of ids
+///       static float found_ratio(const my::Map&, point);              // found / visible in tracking; else taken as 1
+///       static bool may_erase(const my::Map&, keyframe);              // false: culling leaves it (the first one, ...)
+///       static bool is_origin(const my::Map&, keyframe);              // adjustments hold it: the frame of reference
+///       static int first_camera(const my::Map&, keyframe);            // of the rig that adjustments get; else 0
+///       static double time(const my::Map&, keyframe);                 // s: temporal guards of inertial systems,
+///       static keyframe previous(const my::Map&, keyframe);           //    with these two; keyframe{} at the ends
+///       static keyframe next(const my::Map&, keyframe);
+///       static std::unique_lock<std::mutex> guard(my::Map&);          // held while a snapshot is read or a plan applied
+///       template <class F> static void for_each_keyframe(const my::Map&, F f);            // validate() alone needs
+///       template <class F> static void for_each_point(const my::Map&, F f);               // these two
+///     };
+///
+/// See docs/map.md and examples/02_your_own_types.cpp.
+
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+#include <utility>
+
+#include "../config.hpp"
+#include "../span.hpp"
+#include "../traits.hpp"
+#include "../types.hpp"
+
+namespace turbomap {
+
+/// Specialise this for your map type: see above.
+template <class Map>
+struct map_traits {
+  using turbomap_not_specialised = void;
+};
+
+}  // namespace turbomap
+
+TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+
+struct observation_probe {
+  template <class Keyframe>
+  void operator()(Keyframe, std::size_t) const {}
+};
+struct any_probe {
+  template <class T>
+  void operator()(T) const {}
+};
+
+// M: the map, T: its traits; the names of keyframe and point come from T.
+template <class T>
+using keyframe_of = std::decay_t<typename T::keyframe>;
+template <class T>
+using point_of = std::decay_t<typename T::point>;
+template <class M, class T>
+using map_names_member = std::void_t<typename T::keyframe, typename T::point, typename T::descriptor, typename T::camera>;
+template <class M, class T>
+using map_keyframe_member = std::void_t<
+    if_converts<decltype(T::id(std::declval<const M&>(), std::declval<keyframe_of<T>>())), std::uint64_t>,
+    if_converts<decltype(T::alive(std::declval<const M&>(), std::declval<keyframe_of<T>>())), bool>,
+    decltype(T::pose(std::declval<const M&>(), std::declval<keyframe_of<T>>()).qw),
+    if_converts<decltype(T::keypoint_count(std::declval<const M&>(), std::declval<keyframe_of<T>>())), std::size_t>,
+    if_converts<decltype(T::keypoint(std::declval<const M&>(), std::declval<keyframe_of<T>>(), std::size_t{})),
+                turbomap::keypoint>,
+    if_converts<decltype(T::point_at(std::declval<const M&>(), std::declval<keyframe_of<T>>(), std::size_t{})),
+                point_of<T>>>;
+template <class M, class T>
+using map_point_member = std::void_t<
+    if_converts<decltype(T::id(std::declval<const M&>(), std::declval<point_of<T>>())), std::uint64_t>,
+    if_converts<decltype(T::alive(std::declval<const M&>(), std::declval<point_of<T>>())), bool>,
+    if_converts<decltype(T::replacement(std::declval<const M&>(), std::declval<point_of<T>>())), point_of<T>>,
+    decltype(T::position(std::declval<const M&>(), std::declval<point_of<T>>()).z),
+    decltype(T::normal(std::declval<const M&>(), std::declval<point_of<T>>()).z),
+    if_converts<decltype(T::min_distance(std::declval<const M&>(), std::declval<point_of<T>>())), float>,
+    if_converts<decltype(T::max_distance(std::declval<const M&>(), std::declval<point_of<T>>())), float>,
+    if_converts<decltype(T::descriptor_data(std::declval<const M&>(), std::declval<point_of<T>>())),
+                const typename T::descriptor::element*>,
+    if_converts<decltype(T::reference(std::declval<const M&>(), std::declval<point_of<T>>())), keyframe_of<T>>>;
+template <class M, class T>
+using map_observations_member = decltype(T::for_each_observation(std::declval<const M&>(), std::declval<point_of<T>>(),
+                                                                 observation_probe{}));
+template <class M, class T>
+using map_write_member = std::void_t<
+    if_converts<decltype(T::add_point(std::declval<M&>(), std::declval<const vec3<double>&>(),
+                                      std::declval<keyframe_of<T>>())),
+                point_of<T>>,
+    decltype(T::set_appearance(std::declval<M&>(), std::declval<point_of<T>>(), std::declval<const vec3<float>&>(),
+                               float{}, float{}, std::declval<const typename T::descriptor::element*>())),
+    decltype(T::set_reference(std::declval<M&>(), std::declval<point_of<T>>(), std::declval<keyframe_of<T>>())),
+    decltype(T::set_point(std::declval<M&>(), std::declval<keyframe_of<T>>(), std::size_t{},
+                          std::declval<point_of<T>>())),
+    decltype(T::add_observation(std::declval<M&>(), std::declval<point_of<T>>(), std::declval<keyframe_of<T>>(),
+                                std::size_t{})),
+    decltype(T::erase_observation(std::declval<M&>(), std::declval<point_of<T>>(), std::declval<keyframe_of<T>>(),
+                                  std::size_t{})),
+    decltype(T::retire(std::declval<M&>(), std::declval<point_of<T>>(), std::declval<point_of<T>>())),
+    decltype(T::erase_keyframe(std::declval<M&>(), std::declval<keyframe_of<T>>()))>;
+template <class M, class T>
+using map_adjust_member = std::void_t<
+    decltype(T::set_position(std::declval<M&>(), std::declval<point_of<T>>(), std::declval<const vec3<double>&>())),
+    decltype(T::set_pose(std::declval<M&>(), std::declval<keyframe_of<T>>(),
+                         std::declval<const rigid_transform<double>&>()))>;
+template <class M, class T>
+using map_counts_member = std::void_t<
+    decltype(T::octave_counts(std::declval<const M&>(), std::declval<point_of<T>>()).size()),
+    decltype(T::change_octave_count(std::declval<M&>(), std::declval<point_of<T>>(), int{}, int{}))>;
+template <class M, class T>
+using map_reserve_member =
+    decltype(T::reserve_observations(std::declval<M&>(), std::declval<point_of<T>>(), std::size_t{}));
+template <class M, class T>
+using map_found_member = decltype(T::found_ratio(std::declval<const M&>(), std::declval<point_of<T>>()));
+template <class M, class T>
+using map_may_erase_member = decltype(T::may_erase(std::declval<const M&>(), std::declval<keyframe_of<T>>()));
+template <class M, class T>
+using map_temporal_member =
+    std::void_t<decltype(T::time(std::declval<const M&>(), std::declval<keyframe_of<T>>())),
+                decltype(T::previous(std::declval<const M&>(), std::declval<keyframe_of<T>>())),
+                decltype(T::next(std::declval<const M&>(), std::declval<keyframe_of<T>>()))>;
+template <class M, class T>
+using map_guard_member = decltype(T::guard(std::declval<M&>()));
+template <class M, class T>
+using map_all_member = std::void_t<decltype(T::for_each_keyframe(std::declval<const M&>(), any_probe{})),
+                                   decltype(T::for_each_point(std::declval<const M&>(), any_probe{}))>;
+
+template <class Map, template <class, class> class Member>
+inline constexpr bool map_has_v = has_member<Member, Map, map_traits<Map>>::value;
+
+}  // namespace detail
+
+/// True when map_traits<Map> has every required member.
+template <class Map>
+inline constexpr bool has_map_traits_v =
+    detail::has_members_v<Map, map_traits<Map>, detail::map_names_member, detail::map_keyframe_member,
+                          detail::map_point_member, detail::map_observations_member, detail::map_write_member>;
+
+/// Explains in words what map_traits<Map> lacks: `static_assert(require_map_traits<Map>());`.
+template <class Map>
+constexpr bool require_map_traits() {
+  using M = Map;
+  using T = map_traits<Map>;
+  constexpr bool there = !detail::has_member<detail::not_specialised_member, M, T>::value;  // says one thing at a time
+  static_assert(there, "turbomap: specialise turbomap::map_traits for your map type; see docs/map.md");
+  constexpr bool named = there && detail::has_member<detail::map_names_member, M, T>::value;
+  static_assert(!there || named,
+                "turbomap: map_traits needs `using keyframe`, `using point`, `using descriptor` and `using camera`; see "
+                "docs/map.md");
+  if constexpr (named) {
+    static_assert(detail::has_member<detail::map_keyframe_member, M, T>::value,
+                  "turbomap: map_traits lacks one of the reads of a keyframe: id, alive, pose, keypoint_count, keypoint, "
+                  "point_at; see docs/map.md");
+    static_assert(detail::has_member<detail::map_point_member, M, T>::value,
+                  "turbomap: map_traits lacks one of the reads of a point: id, alive, replacement, position, normal, "
+                  "min_distance, max_distance, descriptor_data, reference; see docs/map.md");
+    static_assert(detail::has_member<detail::map_observations_member, M, T>::value,
+                  "turbomap: map_traits needs `template <class F> static void for_each_observation(const Map&, point, F "
+                  "f)`, which calls f(keyframe, keypoint); see docs/map.md");
+    static_assert(detail::has_member<detail::map_write_member, M, T>::value,
+                  "turbomap: map_traits lacks one of the writes: add_point, set_appearance, set_reference, set_point, "
+                  "add_observation, erase_observation, retire, erase_keyframe; see docs/map.md");
+  }
+  return has_map_traits_v<Map>;
+}
+
+/// Holds the user's guard of the map, if there is one, while it lives.
+template <class Map>
+auto map_guard([[maybe_unused]] Map& map) {
+  if constexpr (detail::map_has_v<Map, detail::map_guard_member>)
+    return map_traits<Map>::guard(map);
+  else
+    return nullptr;
+}
+
+TURBOMAP_END_NAMESPACE

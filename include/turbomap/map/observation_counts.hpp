@@ -1,0 +1,108 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// How often a point is observed: by octave (which makes redundancy a short sum, [TurboMap §IV-F]) and in all. A keyframe
+/// counts once in the octaves, at the finest at which any camera of its rig sees the point. map_edit.hpp keeps the counts
+/// with every observation added, moved or erased; recount() says from nothing what they must be.
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "../config.hpp"
+#include "map_traits.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// The finest octave at which a keyframe sees the point, leaving out its keypoint `except`; -1 where it does not. O(views).
+template <class Map>
+int finest_octave(const Map& map, typename map_traits<Map>::point point, typename map_traits<Map>::keyframe keyframe,
+                  std::size_t except = static_cast<std::size_t>(-1)) {
+  using traits = map_traits<Map>;
+  int finest = -1;
+  traits::for_each_observation(map, point, [&](typename traits::keyframe observer, std::size_t keypoint) {
+    if (!(observer == keyframe) || keypoint == except) return;
+    const int octave = traits::keypoint(map, observer, keypoint).octave;
+    if (finest < 0 || octave < finest) finest = octave;
+  });
+  return finest;
+}
+
+/// The keypoint by which camera `camera` of a keyframe sees the point, or -1. O(views).
+template <class Map>
+std::ptrdiff_t observed_at(const Map& map, typename map_traits<Map>::point point,
+                           typename map_traits<Map>::keyframe keyframe, int camera) {
+  using traits = map_traits<Map>;
+  std::ptrdiff_t found = -1;
+  traits::for_each_observation(map, point, [&](typename traits::keyframe observer, std::size_t keypoint) {
+    if (observer == keyframe && traits::keypoint(map, observer, keypoint).camera == camera)
+      found = static_cast<std::ptrdiff_t>(keypoint);
+  });
+  return found;
+}
+
+/// Observers per octave from the observations alone: the truth that kept counts must equal. Resized to hold the coarsest
+/// octave seen, and at least to `octaves`. O(views^2).
+template <class Map>
+void recount(const Map& map, typename map_traits<Map>::point point, std::vector<std::uint32_t>& counts,
+             std::size_t octaves = 0) {
+  using traits = map_traits<Map>;
+  counts.assign(octaves, 0);
+  traits::for_each_observation(map, point, [&](typename traits::keyframe observer, std::size_t keypoint) {
+    const int octave = traits::keypoint(map, observer, keypoint).octave;
+    const int other = finest_octave(map, point, observer, keypoint);
+    // Of a rig's views the finest counts; of equal ones that with the lowest keypoint.
+    if (other >= 0 && other < octave) return;
+    if (other == octave) {
+      bool first = true;
+      traits::for_each_observation(map, point, [&](typename traits::keyframe k, std::size_t i) {
+        first = first && !(k == observer && i < keypoint && traits::keypoint(map, k, i).octave == octave);
+      });
+      if (!first) return;
+    }
+    if (counts.size() <= static_cast<std::size_t>(octave)) counts.resize(static_cast<std::size_t>(octave) + 1);
+    ++counts[static_cast<std::size_t>(octave)];
+  });
+}
+
+/// Whether the observations of points are counted by their octaves in the user's map.
+template <class Map>
+inline constexpr bool counts_octaves_v = detail::map_has_v<Map, detail::map_counts_member>;
+
+/// Keyframes that see the point at `octave` or finer, but no more than `enough`: counting ends there. A prefix sum of the
+/// kept counts; without them, a walk over the observations.
+template <class Map>
+std::uint32_t observers_up_to(const Map& map, typename map_traits<Map>::point point, int octave, std::uint32_t enough,
+                              [[maybe_unused]] std::vector<std::uint32_t>& scratch) {
+  std::uint32_t sum = 0;
+  const auto add = [&](const auto& counts) {
+    const std::size_t end = std::min(counts.size(), static_cast<std::size_t>(octave) + 1);
+    std::size_t o = 0;  // four at a time: where a loop ends that depends on an octave is hard to predict
+    for (; o + 4 <= end && sum < enough; o += 4) sum += counts[o] + counts[o + 1] + counts[o + 2] + counts[o + 3];
+    if (sum >= enough) return;
+    for (; o < end; ++o) sum += counts[o];
+  };
+  if constexpr (counts_octaves_v<Map>) {
+    add(map_traits<Map>::octave_counts(map, point));
+  } else {
+    recount(map, point, scratch);
+    add(scratch);
+  }
+  return sum;
+}
+
+/// The number of measurements of a point: a stereo keypoint (u_right >= 0) is two, every other view one [ORB-SLAM3]. O(views).
+template <class Map>
+int measurement_count(const Map& map, typename map_traits<Map>::point point) {
+  using traits = map_traits<Map>;
+  int count = 0;
+  traits::for_each_observation(map, point, [&](typename traits::keyframe observer, std::size_t keypoint) {
+    count += traits::keypoint(map, observer, keypoint).u_right >= 0 ? 2 : 1;
+  });
+  return count;
+}
+
+TURBOMAP_END_NAMESPACE

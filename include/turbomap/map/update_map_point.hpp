@@ -1,0 +1,131 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The update of one map point, as the function object that runs for each index under a policy. Geometry in strict
+/// arithmetic: the normal and the range decide later, so they are the same bits everywhere.
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
+
+#include "../config.hpp"
+#include "../math/linear.hpp"
+#include "../math/strict.hpp"
+#include "../memory.hpp"
+#include "../store/keyframe_view.hpp"
+#include "map_point_update_view.hpp"
+#include "medoid.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+
+/// The inputs of one call in the memory of its policy.
+template <class Descriptor, class Camera>
+struct map_point_inputs {
+  const keyframe_view<Descriptor, Camera>* keyframes;
+  const rigid_transform<double>* T_cw;     ///< of the keyframes
+  const vec3<double>* position;            ///< null without geometry
+  const std::int32_t* observation_offset;  ///< of the points
+  const point_observation* observations;
+  const std::int32_t* reference;  ///< null without geometry
+  const float* scale;             ///< s^octave, 256
+  vec3<double>* centre;           ///< [keyframe][camera]: camera centres in the world; null without geometry
+  int cameras;                    ///< the most of any keyframe
+  int last_level;
+};
+
+/// Index = keyframe * cameras + camera: computes one camera centre.
+template <class Descriptor, class Camera>
+struct find_camera_centre {
+  map_point_inputs<Descriptor, Camera> in;
+
+  TURBOMAP_HD void operator()(int i) const {
+    const int k = i / in.cameras, c = i % in.cameras;
+    if (c >= in.keyframes[k].camera_count) return;  // a rig with fewer cameras than another one
+    using S = strict<double>;
+    const auto T = to_isometry<S>(in.keyframes[k].cameras[c].T_camera_body) * to_isometry<S>(in.T_cw[k]);
+    const vec3<S> o = camera_centre(T);
+    in.centre[i] = {o.x.value, o.y.value, o.z.value};
+  }
+};
+
+/// The observed descriptors of one point by number.
+template <class Descriptor, class Camera>
+struct observed_descriptors {
+  const keyframe_view<Descriptor, Camera>* keyframes;
+  const point_observation* observations;
+
+  TURBOMAP_HD const typename Descriptor::element* operator()(int j) const {
+    return keyframes[observations[j].keyframe].descriptor_of(observations[j].keypoint);
+  }
+};
+
+/// Index = point. A host has a stack for the table of distances, a thread of a device has not.
+template <class Descriptor, class Camera, class Memory>
+struct update_map_point {
+  map_point_inputs<Descriptor, Camera> in;
+  updated_map_point* points;
+  typename Descriptor::element* descriptors;  ///< [point][element]; null: not asked for
+
+  TURBOMAP_HD void operator()(int i) const {
+    const point_observation* seen = in.observations + in.observation_offset[i];
+    const int n = in.observation_offset[i + 1] - in.observation_offset[i];
+    updated_map_point p{};
+    p.medoid = -1;
+    if (in.centre != nullptr && n > 0) measure(i, seen, n, p);
+    if (descriptors != nullptr) represent(i, seen, n, p);
+    points[i] = p;
+  }
+
+ private:
+  using S = strict<double>;
+
+  TURBOMAP_HD vec3<S> ray(int i, int keyframe, int camera) const {
+    return cast<S>(in.position[i]) - cast<S>(in.centre[keyframe * in.cameras + camera]);
+  }
+  TURBOMAP_HD void measure(int i, const point_observation* seen, int n, updated_map_point& p) const {
+    vec3<S> sum{S(0), S(0), S(0)};
+    const int reference = in.reference[i];
+    int keypoint = -1;  // of the point in its reference keyframe: camera 0's, else the first
+    bool is_left = false;
+    for (int j = 0; j < n; ++j) {
+      const keyframe_view<Descriptor, Camera>& keyframe = in.keyframes[seen[j].keyframe];
+      const int camera = keyframe.camera_of(seen[j].keypoint);
+      const vec3<S> r = ray(i, seen[j].keyframe, camera);
+      const S length = norm(r);
+      if (length > S(0)) sum = sum + (S(1) / length) * r;  // a point in the centre of a camera has no direction there
+      if (seen[j].keyframe != reference || is_left || (keypoint >= 0 && camera != 0)) continue;
+      keypoint = seen[j].keypoint;
+      is_left = camera == 0;
+    }
+    const S count(n);
+    p.normal = {static_cast<float>((sum.x / count).value), static_cast<float>((sum.y / count).value),
+                static_cast<float>((sum.z / count).value)};
+    // The range in float, as the recorded peer has it; the distance from camera 0, whichever camera saw the point.
+    const strict<float> distance = static_cast<float>(norm(ray(i, reference, 0)).value);
+    const strict<float> most = distance * strict<float>(in.scale[in.keyframes[reference].octave[keypoint]]);
+    p.max_distance = most.value;
+    p.min_distance = (most / strict<float>(in.scale[in.last_level])).value;
+  }
+  TURBOMAP_HD void represent(int i, const point_observation* seen, int n, updated_map_point& p) const {
+    typename Descriptor::element* mine = descriptors + static_cast<std::size_t>(i) * Descriptor::elements;
+    const observed_descriptors<Descriptor, Camera> all{in.keyframes, seen};
+    if (n == 0) {
+      std::memset(static_cast<void*>(mine), 0, Descriptor::bytes);
+      return;
+    }
+    if constexpr (std::is_same_v<Memory, host_memory>)
+      p.medoid = medoid_with_table<Descriptor>(n, all);
+    else
+      p.medoid = medoid_without_memory<Descriptor>(n, all);
+    std::memcpy(static_cast<void*>(mine), all(p.medoid), Descriptor::bytes);
+  }
+};
+
+}  // namespace detail
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,150 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The duplicate search as its definition reads: every point, every camera, every keypoint, one after the other, in
+/// plain double. What the library's search is tested against.
+
+#include <turbomap/fusion/duplicate_options.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+#include <vector>
+
+#include "two_views.hpp"
+
+namespace turbomap_test {
+
+/// A trial, and whether it hung on a close call.
+template <class Descriptor>
+struct oracle_trial {
+  turbomap::duplicate_trial<typename Descriptor::distance_type> trial;
+  bool doubtful;
+};
+
+/// Keypoints of a camera in the order in which they are looked at: by cell column, cell row and index; those that lie
+/// outside of the grid (the last half cell rounds up) are not found at all. Without a grid by index.
+template <class Descriptor, class Camera>
+std::vector<int> keypoints_by_cell(const turbomap::keyframe_view<Descriptor, Camera>& view, int camera) {
+  const auto& grid = view.cells;
+  std::vector<std::tuple<float, float, int>> sorted;
+  for (int k = 0; k < view.keypoint_count; ++k) {
+    if (view.camera_of(k) != camera) continue;
+    float column = 0, row = 0;
+    if (grid.columns > 0) {
+      column = std::round((view.pixel[k].x - grid.bounds.min_x) * grid.inverse_width);
+      row = std::round((view.pixel[k].y - grid.bounds.min_y) * grid.inverse_height);
+      if (column < 0 || column >= static_cast<float>(grid.columns) || row < 0 || row >= static_cast<float>(grid.rows))
+        continue;
+    }
+    sorted.emplace_back(column, row, k);
+  }
+  std::sort(sorted.begin(), sorted.end());
+  std::vector<int> order;
+  for (const auto& s : sorted) order.push_back(std::get<2>(s));
+  return order;
+}
+
+/// One point in one camera. `order` is keypoints_by_cell() of the camera.
+template <class Descriptor, class Camera>
+oracle_trial<Descriptor> oracle_duplicate(const turbomap::map_point_view<Descriptor>& points, int p,
+                                          const turbomap::duplicate_target<Descriptor, Camera>& target, int camera,
+                                          const std::vector<int>& order, const turbomap::duplicate_options& options) {
+  using turbomap::duplicate_outcome;
+  const auto& view = target.view;
+  const auto& mounted = view.cameras[camera];
+  oracle_trial<Descriptor> result{{duplicate_outcome::skipped, -1, -1, turbomap::no_duplicate_distance<Descriptor>},
+                                  false};
+  auto& trial = result.trial;
+  const auto ends = [&trial, &result](duplicate_outcome outcome, const close_calls& calls) {
+    trial.outcome = outcome;
+    result.doubtful = calls.any;
+    return result;
+  };
+  close_calls calls;
+  const auto at =
+      static_cast<std::size_t>(camera) * static_cast<std::size_t>(points.count) + static_cast<std::size_t>(p);
+  if (!target.skip.empty() && target.skip[at] != 0) return result;
+
+  const Eigen::Vector3d X(points.position[p].x, points.position[p].y, points.position[p].z);
+  if (!X.allFinite()) return ends(duplicate_outcome::behind, calls);
+  const oracle_pose T = to_oracle_pose(mounted.T_camera_body) * to_oracle_pose(target.T_cw);
+  const Eigen::Vector3d x = T * X;
+  if (!calls.less(0, x.z(), X.norm() + T.t.norm())) return ends(duplicate_outcome::behind, calls);
+
+  // A pixel is as uncertain as the direction of the point.
+  const double size = 1000 * (1 + 1e-4 * (X.norm() + T.t.norm()) / x.z());
+  Eigen::Vector2d uv;
+  if (!oracle_project(mounted.camera, x, uv)) return ends(duplicate_outcome::outside, calls);
+  const auto& b = view.cells.bounds;
+  if (!calls.at_most(b.min_x, uv.x(), size) || !calls.less(uv.x(), b.max_x, size) ||
+      !calls.at_most(b.min_y, uv.y(), size) || !calls.less(uv.y(), b.max_y, size))
+    return ends(duplicate_outcome::outside, calls);
+
+  const Eigen::Vector3d ray = X - T.inverse().t;
+  const double distance = ray.norm(), far = X.norm() + T.t.norm();
+  if (options.range_gate) {
+    const float least = static_cast<float>(options.min_range_factor) * points.min_distance[p];
+    const float largest = static_cast<float>(options.max_range_factor) * points.max_distance[p];
+    if (!std::isfinite(least) || !std::isfinite(largest)) return ends(duplicate_outcome::out_of_range, calls);
+    if (!calls.at_most(least, distance, far) || !calls.at_most(distance, largest, far))
+      return ends(duplicate_outcome::out_of_range, calls);
+  }
+  if (options.min_view_cosine > -1) {
+    const Eigen::Vector3d n(points.normal[p].x, points.normal[p].y, points.normal[p].z);
+    if (!n.allFinite() || !calls.at_most(options.min_view_cosine * distance, ray.dot(n), far))
+      return ends(duplicate_outcome::oblique, calls);
+  }
+
+  int level = -1;
+  if (options.range_gate)
+    for (level = 0; level < options.scales.levels - 1; ++level)
+      if (calls.at_most(points.max_distance[p] / distance, oracle_scale(options.scales, level), far / distance)) break;
+  trial.level = static_cast<std::int16_t>(level);
+  const double radius = options.radius * oracle_scale(options.scales, level < 0 ? options.window_octave : level);
+
+  Eigen::Matrix3d K;
+  const bool stereo_camera = pinhole_matrix(mounted.camera, K) && mounted.bf > 0;
+  bool in_window = false;
+  for (const int k : order) {
+    const Eigen::Vector2d residual = pixel_of(view, k) - uv;
+    if (!calls.less(std::abs(residual.x()), radius, size) || !calls.less(std::abs(residual.y()), radius, size))
+      continue;
+    in_window = true;
+    if (level >= 0 && view.octave[k] != level && view.octave[k] != level - 1) continue;
+    const double sigma2 = oracle_sigma2(options.scales, view.octave[k]);
+    const bool stereo = stereo_camera && view.is_stereo(k);
+    const double right = stereo ? view.u_right[k] - (uv.x() - mounted.bf / x.z()) : 0;
+    const double chi2 = (residual.squaredNorm() + right * right) / sigma2;
+    if (!calls.at_most(chi2, stereo ? options.stereo_chi2 : options.mono_chi2, size)) continue;
+    const auto d = Descriptor::distance(points.descriptor + static_cast<std::size_t>(p) * Descriptor::elements,
+                                        view.descriptor_of(k));
+    if (trial.keypoint >= 0 && d >= trial.distance) continue;
+    trial.keypoint = k;
+    trial.distance = d;
+  }
+  if (!in_window) return ends(duplicate_outcome::no_keypoint, calls);
+  if (trial.keypoint < 0) return ends(duplicate_outcome::no_consistent_keypoint, calls);
+  const bool alike = static_cast<double>(trial.distance) <= options.max_distance;
+  return ends(alike ? duplicate_outcome::matched : duplicate_outcome::too_different, calls);
+}
+
+/// All trials, [target][camera][point]. The views are in host memory.
+template <class Descriptor, class Camera>
+std::vector<oracle_trial<Descriptor>> duplicate_oracle(
+    const turbomap::map_point_view<Descriptor>& points,
+    turbomap::span<const turbomap::duplicate_target<Descriptor, Camera>> targets,
+    const turbomap::duplicate_options& options) {
+  std::vector<oracle_trial<Descriptor>> trials;
+  for (const auto& target : targets)
+    for (int camera = 0; camera < target.view.camera_count; ++camera) {
+      const auto order = keypoints_by_cell(target.view, camera);
+      for (int p = 0; p < points.count; ++p)
+        trials.push_back(oracle_duplicate(points, p, target, camera, order, options));
+    }
+  return trials;
+}
+
+}  // namespace turbomap_test
