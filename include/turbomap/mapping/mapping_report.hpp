@@ -1,0 +1,96 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What local mapping does with a keyframe, stage by stage: names, switches, times, and what came of it. Plain data.
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "../fusion/fusion_commit.hpp"
+#include "../map/timed_guard.hpp"
+
+namespace turbomap {
+
+/// The stages, in the order in which they run [TurboMap Fig. 3].
+enum class mapping_stage : std::uint8_t {
+  process,           ///< the appearance of the points that tracking associated
+  point_culling,     ///< new points on probation
+  search,            ///< correspondences with the neighbours
+  creation,          ///< points of them, and their commit
+  fusion,            ///< duplicates, both ways
+  adjustment,        ///< a hook
+  keyframe_culling,  ///< redundant keyframes
+};
+inline constexpr std::size_t mapping_stages = 7;
+
+/// Names of the command-line contract.
+inline const char* to_string(mapping_stage stage) {
+  constexpr const char* names[mapping_stages] = {"process", "point_culling", "search",          "creation",
+                                                 "fusion",  "adjustment",    "keyframe_culling"};
+  return names[static_cast<std::size_t>(stage)];
+}
+
+/// What happened to a stage.
+enum class stage_outcome : std::uint8_t {
+  off,      ///< switched off
+  done,     ///< ran to its end
+  skipped,  ///< left out: more keyframes wait
+  cut       ///< left out, or ended early at a safe point: the deadline
+};
+
+/// One value a stage.
+template <class T>
+struct per_stage {
+  std::array<T, mapping_stages> values{};
+  T& operator[](mapping_stage s) { return values[static_cast<std::size_t>(s)]; }
+  const T& operator[](mapping_stage s) const { return values[static_cast<std::size_t>(s)]; }
+};
+
+/// One iteration of local mapping.
+struct mapping_report {
+  per_stage<double> ms;  ///< wall time, locks included
+  per_stage<stage_outcome> outcome;
+  per_stage<guard_times> held;  ///< the map's guard
+  double total_ms = 0;
+  std::size_t neighbours = 0;   ///< searched for correspondences
+  std::size_t matches = 0;      ///< correspondences found
+  std::size_t points_created = 0;
+  std::size_t points_culled = 0;    ///< on probation
+  std::size_t fusion_targets = 0;
+  fusion_summary fused;
+  std::size_t points_updated = 0;   ///< whose appearance was computed anew
+  std::vector<std::uint64_t> keyframes_culled;  ///< ids
+  bool cut = false;             ///< the deadline cut a stage
+};
+
+/// Times of one stage over many keyframes.
+class duration_statistics {
+ public:
+  void add(double ms) { samples_.push_back(ms); }
+  std::size_t count() const { return samples_.size(); }
+  double mean() const {
+    double sum = 0;
+    for (const double t : samples_) sum += t;
+    return samples_.empty() ? 0 : sum / static_cast<double>(samples_.size());
+  }
+  /// Element floor(q (n - 1)) of the sorted samples: 0.5 the median, 0.95, 1 the largest. 0 without samples. O(n).
+  double quantile(double q) const {
+    if (samples_.empty()) return 0;
+    std::vector<double> copy = samples_;
+    const auto at = copy.begin() + static_cast<std::ptrdiff_t>(std::floor(q * static_cast<double>(copy.size() - 1)));
+    std::nth_element(copy.begin(), at, copy.end());
+    return *at;
+  }
+  const std::vector<double>& samples() const { return samples_; }
+
+ private:
+  std::vector<double> samples_;
+};
+
+}  // namespace turbomap

@@ -1,0 +1,131 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Correspondences of one keyframe with its neighbours on the user's map, and the points that come of them: snapshot, search,
+/// creation, commit.
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "../config.hpp"
+#include "../context.hpp"
+#include "../map/keyframe_selection.hpp"
+#include "../map/map_traits.hpp"
+#include "../map/timed_guard.hpp"
+#include "../matching/correspondence_search.hpp"
+#include "../matching/creation_commit.hpp"
+#include "../matching/neighbour_rules.hpp"
+#include "../matching/point_creation.hpp"
+#include "../store/handle_table.hpp"
+#include "../store/keyframe_store.hpp"
+#include "../store/posed_keyframe.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Make one and use it for every keyframe: its memory is reused. Of one context.
+template <class Map, class Policy>
+class neighbour_matching {
+ public:
+  using traits = map_traits<Map>;
+  using keyframe = typename traits::keyframe;
+  using point = typename traits::point;
+  using descriptor = typename traits::descriptor;
+  using camera = typename traits::camera;
+  using store_type = keyframe_store<descriptor, camera, memory_of_t<Policy>>;
+  using matches_type = correspondences<descriptor, camera, Policy>;
+
+  explicit neighbour_matching(const context<Policy>& ctx) : matches_(ctx), creation_(ctx) {}
+
+  /// Snapshot: poses and masks of the keyframe and of those neighbours whose baseline suffices, no more than `limit`. The
+  /// caller holds the guard. \param stereo_baseline  m; 0: monocular. Returns how many neighbours there are.
+  std::size_t gather(const Map& map, const handle_table& stored, keyframe query, span<const keyframe> neighbours,
+                     double stereo_baseline, const neighbour_options& rule, std::size_t limit) {
+    selection_.clear();
+    stored.at(traits::id(map, query));  // throws when it is not there
+    selection_.place(map, query, stored);
+    const rigid_transform<double> T_query = selection_.T_cw()[0];  // a copy: the list grows
+    for (const keyframe n : neighbours) {
+      if (selection_.size() > limit) break;
+      if (suffices(map, T_query, n, stereo_baseline, rule)) selection_.place(map, n, stored);
+    }
+    masks_.resize(std::max(masks_.size(), selection_.size()));
+    for (std::size_t k = 0; k < selection_.size(); ++k) {
+      auto& mask = masks_[k];
+      mask.resize(traits::keypoint_count(map, selection_[k]));
+      for (std::size_t i = 0; i < mask.size(); ++i) mask[i] = !(traits::point_at(map, selection_[k], i) == point{});
+    }
+    return selection_.size() - 1;
+  }
+
+  /// Searches what was gathered. Waits for the end. The matches stay until the next search.
+  void search(context<Policy>& ctx, store_type& store, const search_options& options) {
+    pinned_.clear();
+    pinned_.push_back(store.pin(ctx, span<const keyframe_handle>(selection_.handles())));
+    posed_.clear();
+    for (std::size_t k = 0; k < selection_.size(); ++k)
+      posed_.push_back({pinned_[0][k], selection_.T_cw()[k], span<const std::uint8_t>(masks_[k])});
+    search_again(ctx, options, matches_);
+    ctx.synchronize();
+  }
+
+  /// The same keyframes with other options, into another result: while they are pinned.
+  void search_again(context<Policy>& ctx, const search_options& options, matches_type& result) const {
+    require(!pinned_.empty(), "keyframes of the search", pinned_.size(), "have been released");
+    search_correspondences(ctx, posed_[0],
+                           span<const posed_keyframe<descriptor, camera>>(posed_.data() + 1, posed_.size() - 1), options,
+                           result);
+  }
+
+  /// Creates points of the matches and commits them. \param created  appended. Returns the number of matches.
+  std::size_t create(context<Policy>& ctx, Map& map, const creation_options& options, std::vector<point>& created,
+                     guard_times& held) {
+    create_points(ctx, matches_, options, creation_);
+    creation_.plan(ctx, matches_, plan_);
+    release();
+    const timed_guard<Map> guard(map, held);
+    commit_points(map, span<const created_point>(plan_), selection_[0],
+                  span<const keyframe>(selection_.keyframes().data() + 1, selection_.size() - 1), created);
+    return plan_.size();
+  }
+  /// Gives the keyframes back to the store.
+  void release() { pinned_.clear(); }
+
+  /// The last search: number 0 of the selection is the query, 1 + n is neighbour n. Its keyframes are pinned until create() or
+  /// release().
+  const matches_type& matches() const { return matches_; }
+  const keyframe_selection<Map>& selection() const { return selection_; }
+  const std::vector<created_point>& plan() const { return plan_; }
+
+ private:
+  bool suffices(const Map& map, const rigid_transform<double>& T_query, keyframe n, double stereo_baseline,
+                const neighbour_options& rule) {
+    const auto& T = traits::pose(map, n);
+    rigid_transform<double> T_n;
+    T_n.qx = T.qx, T_n.qy = T.qy, T_n.qz = T.qz, T_n.qw = T.qw, T_n.tx = T.tx, T_n.ty = T.ty, T_n.tz = T.tz;
+    if (stereo_baseline > 0) return baseline_suffices_stereo(T_query, T_n, stereo_baseline);
+    points_.clear();
+    for (std::size_t i = 0; i < traits::keypoint_count(map, n); ++i) {
+      const point p = traits::point_at(map, n, i);
+      if (p == point{}) continue;
+      const auto& x = traits::position(map, p);
+      points_.push_back({x.x, x.y, x.z});
+    }
+    return baseline_suffices_monocular(T_query, T_n, median_depth(T_n, points_, depths_), rule);
+  }
+
+  matches_type matches_;
+  point_creation<Policy> creation_;
+  keyframe_selection<Map> selection_;
+  std::vector<std::vector<std::uint8_t>> masks_;
+  std::vector<pinned_keyframes<descriptor, camera, memory_of_t<Policy>>> pinned_;
+  std::vector<posed_keyframe<descriptor, camera>> posed_;
+  std::vector<created_point> plan_;
+  std::vector<vec3<double>> points_;
+  std::vector<double> depths_;
+};
+
+TURBOMAP_END_NAMESPACE

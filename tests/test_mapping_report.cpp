@@ -1,0 +1,76 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// Names of the stages, statistics of times, times of a guard.
+
+#include <doctest/doctest.h>
+
+#include <turbomap/mapping/mapping_report.hpp>
+
+#include <cstddef>
+#include <string>
+
+namespace {
+
+using turbomap::mapping_stage;
+
+TEST_CASE("the stages have the names of the command-line contract, in their order") {
+  const char* const names[] = {"process", "point_culling", "search",          "creation",
+                               "fusion",  "adjustment",    "keyframe_culling"};
+  REQUIRE(turbomap::mapping_stages == 7);
+  for (std::size_t s = 0; s < turbomap::mapping_stages; ++s)
+    CHECK(std::string(turbomap::to_string(static_cast<mapping_stage>(s))) == names[s]);
+}
+
+TEST_CASE("a value a stage") {
+  turbomap::per_stage<int> values;
+  for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) CHECK(values[static_cast<mapping_stage>(s)] == 0);
+  values[mapping_stage::fusion] = 3;
+  const auto& constant = values;
+  CHECK(constant[mapping_stage::fusion] == 3);
+  CHECK(constant[mapping_stage::creation] == 0);
+  CHECK(constant[mapping_stage::adjustment] == 0);
+}
+
+TEST_CASE("a fresh report says that nothing was done") {
+  const turbomap::mapping_report report;
+  for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) {
+    CHECK(report.outcome[static_cast<mapping_stage>(s)] == turbomap::stage_outcome::off);
+    CHECK(report.ms[static_cast<mapping_stage>(s)] == 0);
+    CHECK(report.held[static_cast<mapping_stage>(s)].count == 0);
+  }
+  CHECK_FALSE(report.cut);
+  CHECK(report.fused.entries == 0);
+}
+
+TEST_CASE("mean and quantiles") {
+  turbomap::duration_statistics times;
+  CHECK(times.count() == 0);
+  CHECK(times.mean() == 0);
+  CHECK(times.quantile(0.5) == 0);
+  times.add(4);
+  CHECK(times.mean() == 4);
+  for (const double q : {0.0, 0.5, 0.95, 1.0}) CHECK(times.quantile(q) == 4);
+  for (const double ms : {1, 10, 3, 2}) times.add(ms);
+  CHECK(times.count() == 5);
+  CHECK(times.mean() == doctest::Approx(4));
+  CHECK(times.quantile(0) == 1);
+  CHECK(times.quantile(0.5) == 3);
+  CHECK(times.quantile(0.74) == 3);
+  CHECK(times.quantile(0.75) == 4);
+  CHECK(times.quantile(0.95) == 4);
+  CHECK(times.quantile(1) == 10);
+  CHECK(times.samples().front() == 4);  // in the order in which they came
+  CHECK(times.samples().back() == 2);
+}
+
+TEST_CASE("how long a guard was held") {
+  turbomap::guard_times held;
+  held.add(2), held.add(5), held.add(1);
+  CHECK(held.count == 3);
+  CHECK(held.total_ms == 8);
+  CHECK(held.longest_ms == 5);
+}
+
+}  // namespace
