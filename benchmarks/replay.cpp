@@ -49,13 +49,20 @@ void choose_stages(const std::string& list, arguments& a) {
   std::set<std::string> names;
   std::istringstream stream(list);
   for (std::string name; std::getline(stream, name, ',');) {
-    if (name != "search" && name != "creation")
-      throw std::invalid_argument("--stages: '" + name + "' is not a stage: search, creation");
+    static const std::set<std::string> known{"point_culling", "search",     "creation",        "fusion",
+                                             "map_update",    "adjustment", "culling",         "keyframe_culling"};
+    if (known.count(name) == 0)
+      throw std::invalid_argument("--stages: '" + name +
+                                  "' is not a stage: point_culling, search, creation, fusion, map_update, adjustment, culling");
     names.insert(name);
   }
+  a.point_culling = names.count("point_culling") != 0;
   a.search = names.count("search") != 0;
   a.creation = names.count("creation") != 0;
-  if (!a.search && !a.check) throw std::invalid_argument("--stages: a replay needs search");
+  a.fusion = names.count("fusion") != 0;
+  a.adjustment = names.count("adjustment") != 0;
+  a.map_update = names.count("map_update") != 0;
+  a.culling = names.count("culling") != 0 || names.count("keyframe_culling") != 0;
 }
 
 }  // namespace
@@ -68,9 +75,18 @@ int main(int argc, char** argv) try {
   app.add_option("recording", a.recording, "folder of the recording; the built-in simulated one when not given");
   app.add_option("--policy", a.policy, "execution policy")->check(CLI::IsMember({"seq", "omp", "tbb", "cuda"}));
   app.add_flag("--check", a.check, "compare every stage with the recorded snapshots; exit status 1 when one differs");
-  app.add_option("--stages", stages, "stages to run, separated by commas: search,creation");
+  app.add_option("--stages", stages, "stages to run, separated by commas: point_culling,search,creation,fusion,map_update,adjustment,culling");
   app.add_option("--candidates", a.candidates, "what the search compares with (replay mode)")
       ->check(CLI::IsMember({"exhaustive", "ordered", "grouped"}));
+  app.add_flag("--serial-fusion", a.serial_fusion, "fuse camera by camera, each search after the commit before it");
+  app.add_flag("--queue", a.queue, "keyframes come in recorded time: stages are skipped while one waits");
+  app.add_option("--numbers", a.numbers, "what adjustments compute in")
+      ->check(CLI::IsMember({"float64", "mixed", "float32"}));
+  app.add_option("--merges", a.merges, "what fusion does with points that a camera sees at two keypoints")
+      ->check(CLI::IsMember({"refuse", "apart", "drop"}));
+  app.add_option("--deadline-ms", a.deadline_ms, "time a keyframe may take: work that would overrun is cut")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--report", a.report, "write a page with map, times and growth to this file (HTML)");
   app.add_option("--json", a.json, "write the result to this file");
   app.add_option("--trajectory", a.trajectory, "write the keyframes' body poses to this file (TUM format)");
   app.add_option("--repeat", a.repeat, "replay so many times and time all of them")->check(CLI::PositiveNumber);

@@ -2,178 +2,274 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// A SLAM system's own classes, pointers behind mutexes, as they are: one traits struct lets the library read them, and the
-/// accepted points are committed to the system's map under its own lock. The data are synthetic.
+/// Local mapping inside a system with its own classes (object_graph.hpp): tracking runs in a second thread, reads the
+/// map under its own locks while local mapping works on it, and hands over keyframes. The images are simulated, and
+/// their poses known.
 
 #include <thrust/execution_policy.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <condition_variable>
 #include <cstdio>
-#include <memory>
+#include <deque>
+#include <exception>
+#include <map>
 #include <mutex>
-#include <random>
-#include <turbomap/camera/pinhole.hpp>
-#include <turbomap/context.hpp>
-#include <turbomap/descriptor/binary.hpp>
-#include <turbomap/matching/correspondence_search.hpp>
-#include <turbomap/matching/point_creation.hpp>
-#include <turbomap/store/keyframe_store.hpp>
+#include <thread>
+#include <turbomap/local_mapper.hpp>
+#include <turbomap/map/map_edit.hpp>
+#include <turbomap/map/validate.hpp>
+#include <utility>
 #include <vector>
 
-// ---- The system, as it was before it met this library. ----------------------------------------------------------------
-namespace my {
-
-struct MapPoint {
-  double position[3];
-  int observations = 0;
-};
-struct Feature {
-  float u, v;
-  std::array<std::uint8_t, 32> descriptor;
-};
-struct KeyFrame {
-  std::uint64_t id = 0;
-  double centre[3] = {0, 0, 0};  // looks along +z
-  std::vector<std::unique_ptr<Feature>> features;
-  std::vector<MapPoint*> points;  // one a feature, null: none; guarded by mutex
-  bool bad = false;               // erased from the map; guarded by mutex
-  mutable std::mutex mutex;
-};
-struct Map {
-  std::vector<std::unique_ptr<MapPoint>> points;
-  std::mutex mutex;
-};
-constexpr float focal = 400, centre_u = 320, centre_v = 240;
-
-}  // namespace my
-
-// ---- What it takes: how to read a keyframe. See docs/traits.md. ---------------------------------------------------------
-template <>
-struct turbomap::keyframe_traits<my::KeyFrame> {
-  using descriptor = turbomap::binary_descriptor<256>;
-  using rig = turbomap::mono_rig<turbomap::pinhole<float>>;
-  static std::uint64_t id(const my::KeyFrame& k) { return k.id; }
-  static turbomap::rigid_transform<double> pose(const my::KeyFrame& k) {
-    return {0, 0, 0, 1, -k.centre[0], -k.centre[1], -k.centre[2]};
-  }
-  static rig cameras(const my::KeyFrame&) {
-    return turbomap::make_mono_rig(turbomap::pinhole<float>{my::focal, my::focal, my::centre_u, my::centre_v});
-  }
-  static std::size_t keypoint_count(const my::KeyFrame& k) { return k.features.size(); }
-  static turbomap::keypoint keypoint(const my::KeyFrame& k, std::size_t i) {
-    turbomap::keypoint out;
-    out.x = k.features[i]->u, out.y = k.features[i]->v;
-    return out;
-  }
-  static const std::uint8_t* descriptor_data(const my::KeyFrame& k, std::size_t i) {
-    return k.features[i]->descriptor.data();
-  }
-  static turbomap::image_bounds bounds(const my::KeyFrame&) { return {0, 0, 640, 480}; }
-  static std::unique_lock<std::mutex> guard(const my::KeyFrame& k) { return std::unique_lock<std::mutex>(k.mutex); }
-};
+#include "object_graph.hpp"
+#include "wall_scene.hpp"
 
 namespace {
 
-using traits = turbomap::keyframe_traits<my::KeyFrame>;
-using posed = turbomap::posed_keyframe<traits::descriptor, turbomap::pinhole<float>>;
+constexpr int keyframes_in_all = 24;
+constexpr std::size_t local_keyframes = 5;
 
-/// Which keypoints hold a map point now: a snapshot under the keyframe's lock.
-std::vector<std::uint8_t> mask_of(const my::KeyFrame& k) {
-  const std::lock_guard<std::mutex> lock(k.mutex);
-  std::vector<std::uint8_t> mask(k.points.size());
-  std::transform(k.points.begin(), k.points.end(), mask.begin(), [](const my::MapPoint* p) { return p != nullptr; });
-  return mask;
-}
+/// What tracking hands over, and the points that it made.
+struct Handover {
+  my::KeyFrame* keyframe;
+  std::vector<my::MapPoint*> created;
+};
 
-/// The search saw a snapshot; the map went on meanwhile. So each point is looked at again under the locks: still no point on
-/// either keypoint, both keyframes still in the map? Short: no geometry, no descriptors. Returns the points inserted.
-int commit(my::Map& map, my::KeyFrame& query, const std::vector<my::KeyFrame*>& neighbours,
-           const std::vector<turbomap::created_point>& points) {
-  const std::lock_guard<std::mutex> map_lock(map.mutex);
-  int inserted = 0;
-  for (const turbomap::created_point& p : points) {
-    my::KeyFrame& neighbour = *neighbours[static_cast<std::size_t>(p.neighbour)];
-    const std::scoped_lock locks(query.mutex, neighbour.mutex);
-    my::MapPoint *&a = query.points[static_cast<std::size_t>(p.query)],
-                 *&b = neighbour.points[static_cast<std::size_t>(p.candidate)];
-    if (query.bad || neighbour.bad || a != nullptr || b != nullptr) continue;
-    map.points.push_back(std::make_unique<my::MapPoint>(my::MapPoint{{p.position.x, p.position.y, p.position.z}, 2}));
-    a = b = map.points.back().get();
-    ++inserted;
+/// From tracking to local mapping.
+class Queue {
+ public:
+  std::size_t size() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return waiting_.size();
   }
-  return inserted;
-}
-
-/// Feature i of every keyframe sees scene point i: uniform in a box, noise 0.3 px, 20 of 256 descriptor bits flipped.
-std::vector<std::unique_ptr<my::KeyFrame>> synthetic_keyframes(const std::vector<std::array<double, 3>>& scene) {
-  std::mt19937 random(1);
-  std::normal_distribution<float> noise(0, 0.3F);
-  std::vector<std::unique_ptr<my::KeyFrame>> keyframes;
-  for (int k = 0; k < 3; ++k) {
-    my::KeyFrame& keyframe = *keyframes.emplace_back(std::make_unique<my::KeyFrame>());
-    keyframe.id = static_cast<std::uint64_t>(k);
-    keyframe.centre[0] = 0.4 * k, keyframe.centre[1] = 0.1 * k;
-    for (std::size_t i = 0; i < scene.size(); ++i) {
-      const double x = scene[i][0] - keyframe.centre[0], y = scene[i][1] - keyframe.centre[1], z = scene[i][2];
-      auto f = std::make_unique<my::Feature>();
-      f->u = static_cast<float>(my::focal * x / z + my::centre_u) + noise(random);
-      f->v = static_cast<float>(my::focal * y / z + my::centre_v) + noise(random);
-      std::mt19937 of_point(static_cast<unsigned>(i));
-      for (auto& byte : f->descriptor) byte = static_cast<std::uint8_t>(of_point());
-      for (int flip = 0; flip < 20; ++flip)
-        f->descriptor[random() % 32] ^= static_cast<std::uint8_t>(1U << random() % 8);
-      keyframe.features.push_back(std::move(f));
+  void push(Handover h) {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      waiting_.push_back(std::move(h));
     }
-    keyframe.points.assign(scene.size(), nullptr);
+    changed_.notify_one();
   }
-  return keyframes;
+  void close() {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      closed_ = true;
+    }
+    changed_.notify_one();
+  }
+  /// False when there will be no more.
+  bool pop(Handover& h) {
+    std::unique_lock<std::mutex> lock(mutex_);
+    changed_.wait(lock, [this] { return closed_ || !waiting_.empty(); });
+    if (waiting_.empty()) return false;
+    h = std::move(waiting_.front());
+    waiting_.pop_front();
+    return true;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<Handover> waiting_;
+  bool closed_ = false;
+};
+
+/// Tracking: finds the points of the last keyframes in the image of now, counts which it finds, and makes a keyframe of
+/// every image that is 0.3 m further on.
+class Tracking {
+ public:
+  Tracking(my::Map& map, Queue& queue) : map_(map), queue_(queue) {}
+
+  void run() {
+    for (int n = 0; n < keyframes_in_all; ++n) {
+      // Images between two keyframes: at least two, and more while local mapping is behind.
+      for (int between = 0; n > 0 && (between < 2 || queue_.size() > 0); ++between)
+        track(scene_.look_from(0.3 * n - 0.2 + 0.1 * (between % 2), 0.1 * std::sin(n)));
+      const example::wall_view view = scene_.look_from(0.3 * n, 0.1 * std::sin(n));
+      insert_keyframe(view, track(view));
+    }
+    queue_.close();
+  }
+  std::size_t frames() const { return frames_; }
+  std::size_t found() const { return found_; }
+  std::size_t wrong() const { return wrong_; }
+
+ private:
+  /// The point that each keypoint shows, or null. Takes the locks of objects, one at a time, never the map's.
+  std::vector<my::MapPoint*> track(const example::wall_view& view) {
+    std::vector<my::MapPoint*> seen(view.keypoints.size(), nullptr);
+    if (last_.empty()) return seen;
+    ++frames_;
+    std::map<my::MapPoint*, int> candidates;  // with the landmark of the keypoint that names them
+    for (const my::KeyFrame* k : last_) {
+      const std::vector<my::MapPoint*> points = k->points_now();
+      for (std::size_t i = 0; i < points.size(); ++i)
+        if (points[i] != nullptr) candidates.emplace(points[i], k->truth[i]);
+    }
+    for (const auto& [point, landmark] : candidates) {
+      const std::lock_guard<std::mutex> lock(point->mutex);
+      if (point->bad || point->max_distance == 0) continue;  // merged or dropped since, or brand-new
+      const turbomap::vec3<double> in_camera{point->position[0] + view.T_cw.tx, point->position[1] + view.T_cw.ty,
+                                             point->position[2] + view.T_cw.tz};
+      turbomap::vec2<double> pixel;
+      if (!my::camera.project(in_camera, pixel) || pixel.x < 0 || pixel.x >= 640 || pixel.y < 0 || pixel.y >= 480)
+        continue;
+      ++point->visible;
+      const std::size_t i = nearest(view, pixel, point->descriptor);
+      if (i == view.keypoints.size()) continue;
+      ++point->found;
+      ++found_;
+      wrong_ += view.landmark[i] != landmark ? 1 : 0;
+      if ((frames_ + i) % 4 != 0) seen[i] = point;  // no tracker gets hold of all: local mapping finds them again
+    }
+    return seen;
+  }
+  static std::size_t nearest(const example::wall_view& view, const turbomap::vec2<double>& pixel,
+                             const my::Descriptor& descriptor) {
+    std::size_t best = view.keypoints.size();
+    int least = 50;
+    for (std::size_t i = 0; i < view.keypoints.size(); ++i) {
+      if (std::fabs(view.keypoints[i].x - pixel.x) > 15 || std::fabs(view.keypoints[i].y - pixel.y) > 15) continue;
+      const int d = example::orb::distance(descriptor.data(), view.descriptors.data() + 32 * i);
+      if (d < least) least = d, best = i;
+    }
+    return best;
+  }
+
+  /// A point by stereo, as its only view shows it: local mapping makes more of it later. Under the map's lock.
+  my::MapPoint* make_point(const example::wall_view& view, std::size_t i, my::KeyFrame& k) {
+    using traits = turbomap::map_traits<my::Map>;
+    const auto x = example::back_project(view, i);
+    const turbomap::vec3<double> ray{x.x - k.centre[0], x.y - k.centre[1], x.z - k.centre[2]};
+    const double distance = turbomap::norm(ray), farthest = distance * std::pow(1.2, k.features[i].level);
+    my::MapPoint* const p = traits::add_point(map_, x, &k);
+    traits::set_appearance(map_, p, turbomap::cast<float>((1 / distance) * ray),
+                           static_cast<float>(farthest / std::pow(1.2, 7)), static_cast<float>(farthest),
+                           k.features[i].descriptor.data());
+    turbomap::observe(map_, p, &k, i);
+    return p;
+  }
+
+  /// A keyframe enters the map, under the map's lock: a few assignments a point.
+  void insert_keyframe(const example::wall_view& view, const std::vector<my::MapPoint*>& seen) {
+    std::vector<my::Feature> features;
+    for (std::size_t i = 0; i < view.keypoints.size(); ++i) {
+      const turbomap::keypoint& k = view.keypoints[i];
+      features.push_back({k.x, k.y, k.u_right, k.depth, k.octave, {}});
+      std::copy_n(view.descriptors.begin() + static_cast<std::ptrdiff_t>(32 * i), 32,
+                  features.back().descriptor.begin());
+    }
+    Handover handover{};
+    {
+      const std::lock_guard<std::mutex> map_lock(map_.mutex);
+      my::KeyFrame& k = map_.keyframes.emplace_back();
+      k.id = map_.keyframes.size() - 1;
+      k.centre = {-view.T_cw.tx, -view.T_cw.ty, -view.T_cw.tz};
+      k.features = std::move(features);
+      k.truth = view.landmark;
+      k.points.assign(k.features.size(), nullptr);
+      handover.keyframe = &k;
+      for (std::size_t i = 0; i < k.features.size(); ++i) {
+        if (last_.empty()) {  // the first keyframe makes points by stereo
+          handover.created.push_back(make_point(view, i, k));
+        } else if (seen[i] != nullptr) {
+          // Since it was tracked, it may have been merged: observe what it became. Or dropped.
+          if (my::MapPoint* p = turbomap::resolve(map_, seen[i])) turbomap::observe(map_, p, &k, i);
+        }
+      }
+    }
+    last_.push_back(handover.keyframe);
+    if (last_.size() > local_keyframes) last_.pop_front();
+    queue_.push(std::move(handover));
+  }
+
+  my::Map& map_;
+  Queue& queue_;
+  example::wall_scene scene_;
+  std::deque<my::KeyFrame*> last_;
+  std::size_t frames_ = 0, found_ = 0, wrong_ = 0;
+};
+
+/// Local mapping, on the calling thread, until the queue is closed. False when the map is not what it should be.
+bool map_until_closed(my::Map& map, Queue& queue) {
+  turbomap::context ctx{thrust::host};
+  turbomap::keyframe_store<turbomap::binary_descriptor<256>, turbomap::pinhole<float>> store;
+  auto options = turbomap::local_mapper_options::stereo(my::baseline, example::close_depth);
+  turbomap::local_mapper_hooks<my::Map> hooks;
+  std::size_t erasing = 0;
+  hooks.erasing = [&](my::KeyFrame*) { ++erasing; };
+  // A real system also has hooks.keyframes_wait = [&] { return queue.size() > 0; }, and tracking that never waits. Here
+  // every keyframe goes through every stage, so that the result can be judged.
+  turbomap::local_mapper mapper(ctx, map, store, options, hooks);
+
+  std::size_t created = 0, dropped = 0, culled = 0;
+  turbomap::fusion_summary fused;
+  turbomap::guard_times held;
+  for (Handover h{}; queue.pop(h);) {
+    {
+      const std::scoped_lock locks(map.mutex, h.keyframe->mutex);
+      h.keyframe->waiting = false;
+    }
+    mapper.insert(h.keyframe, *h.keyframe);
+    mapper.watch(h.created);
+    const turbomap::mapping_report& report = mapper.process(h.keyframe);
+    created += report.points_created, dropped += report.points_culled, culled += report.keyframes_culled.size();
+    fused += report.fused;
+    for (const turbomap::guard_times& t : report.held.values) {
+      held.count += t.count, held.total_ms += t.total_ms;
+      held.longest_ms = std::max(held.longest_ms, t.longest_ms);
+    }
+  }
+  std::printf("%zu points created, %zu dropped, %zu duplicates merged, %zu observations added, %zu keyframes culled\n",
+              created, dropped, fused.merged, fused.observations_added, culled);
+  std::printf("the map's lock was held %zu times, %.3f ms at most\n", held.count, held.longest_ms);
+  return created > 0 && fused.merged > 0 && fused.observations_added > 0 && culled > 0 && culled == erasing;
+}
+
+/// Every point must show one landmark, and lie where that is.
+bool judge(my::Map& map) {
+  const auto guard = turbomap::map_guard(map);
+  const example::wall_scene scene;
+  std::size_t points = 0, mixed = 0, far = 0;
+  turbomap::map_traits<my::Map>::for_each_point(map, [&](my::MapPoint* p) {
+    ++points;
+    if (p->observations.empty()) return;
+    const auto landmark_of = [](const auto& view) { return view.first->truth[view.second]; };
+    const int landmark = landmark_of(p->observations.front());
+    for (const auto& view : p->observations)
+      if (landmark_of(view) != landmark) {
+        ++mixed;
+        break;
+      }
+    const auto& x = scene.landmark(landmark);
+    far += std::hypot(p->position[0] - x.x, p->position[1] - x.y, p->position[2] - x.z) > 0.5 ? 1 : 0;
+  });
+  const auto faults = turbomap::validate(map);
+  for (const turbomap::map_violation& v : faults) std::printf("%s\n", turbomap::to_string(v).c_str());
+  std::printf("%zu points left, %zu of more than one landmark, %zu farther than 0.5 m from theirs, %zu faults\n",
+              points, mixed, far, faults.size());
+  return faults.empty() && points > 400 && mixed <= points / 100 && far <= points / 25;
 }
 
 }  // namespace
 
 int main() {
-  std::mt19937 random(2);
-  std::uniform_real_distribution<double> side(-2, 2), depth(4, 8);
-  std::vector<std::array<double, 3>> scene(500);
-  for (auto& x : scene) x = {side(random), side(random), depth(random)};
-  const auto keyframes = synthetic_keyframes(scene);
   my::Map map;
-  my::KeyFrame& query = *keyframes[2];
-  const std::vector<my::KeyFrame*> neighbours{keyframes[1].get(), keyframes[0].get()};
-
-  // Once a keyframe, whenever the system makes one.
-  turbomap::keyframe_store<traits::descriptor, turbomap::pinhole<float>> store;
-  std::vector<turbomap::keyframe_handle> handles{store.insert(query)};
-  for (const my::KeyFrame* n : neighbours) handles.push_back(store.insert(*n));
-
-  // Once a call: poses and masks.
-  turbomap::context ctx{thrust::host};
-  const auto pinned = store.pin(ctx, handles);
-  const auto query_mask = mask_of(query);
-  std::vector<std::vector<std::uint8_t>> masks;
-  std::vector<posed> others;
-  for (const my::KeyFrame* n : neighbours) masks.push_back(mask_of(*n));
-  for (std::size_t n = 0; n < neighbours.size(); ++n)
-    others.push_back({pinned[n + 1], traits::pose(*neighbours[n]), masks[n]});
-  const auto matches = turbomap::search_correspondences(ctx, posed{pinned[0], traits::pose(query), query_mask},
-                                                        turbomap::span<const posed>(others));
-  turbomap::point_creation creation(ctx);
-  turbomap::create_points(ctx, matches, {}, creation);
-  const auto plan = turbomap::first_claims(creation.plan(ctx, matches), 500, {500, 500});
-
-  // Meanwhile tracking gives the keypoint of the plan's first point to a point of its own: the commit must see that.
-  my::MapPoint tracked{{0, 0, 0}, 1};
-  query.points[static_cast<std::size_t>(plan.at(0).query)] = &tracked;
-  const int inserted = commit(map, query, neighbours, plan);
-
-  int far = 0;
-  for (std::size_t i = 0; i < scene.size(); ++i)
-    if (const my::MapPoint* p = query.points[i]; p != nullptr && p != &tracked)
-      far += std::hypot(p->position[0] - scene[i][0], p->position[1] - scene[i][1], p->position[2] - scene[i][2]) > 0.5;
-  std::printf("%zu points planned, %d inserted, %d of them farther than 0.5 m from the truth\n", plan.size(), inserted,
-              far);
-  const bool kept = query.points[static_cast<std::size_t>(plan[0].query)] == &tracked;
-  return kept && inserted == static_cast<int>(plan.size()) - 1 && inserted > 400 && far <= inserted / 50 ? 0 : 1;
+  Queue queue;
+  Tracking tracking(map, queue);
+  std::thread tracker([&] { tracking.run(); });
+  bool good = false;
+  try {
+    good = map_until_closed(map, queue);
+  } catch (const std::exception& error) {
+    std::printf("%s\n", error.what());
+    for (Handover h{}; queue.pop(h);) {
+    }  // let tracking come to its end
+  }
+  tracker.join();
+  good = judge(map) && good;
+  std::printf("tracking: %zu images meanwhile, %zu points found in them, %zu wrongly\n", tracking.frames(),
+              tracking.found(), tracking.wrong());
+  return good && tracking.wrong() <= tracking.found() / 100 ? 0 : 1;
 }

@@ -10,16 +10,31 @@
 
 #include <nlohmann/json.hpp>
 
+#include <turbomap/adjustment/options.hpp>
+
 namespace turbomap_replay {
 
 struct arguments {
   std::filesystem::path recording;
   std::string policy = "seq";
   bool check = false;
-  bool search = true, creation = true;     ///< stages that are switched on
+  /// Stages that are switched on.
+  bool point_culling = true, search = true, creation = true, fusion = true, map_update = true;
+  bool adjustment = true, culling = true;
   std::string candidates = "ordered";      ///< exhaustive, ordered or grouped (replay mode)
-  std::filesystem::path json, trajectory;  ///< outputs; empty: none
+  bool serial_fusion = false;              ///< fusion_mode::serial_exact
+  std::string merges = "apart";            ///< merge_rule: refuse, apart or drop
+  std::string numbers = "mixed";           ///< of adjustments: float64, mixed or float32
+  bool queue = false;                      ///< in recorded time: stages are skipped while keyframes wait
+  double deadline_ms = 0;                  ///< per keyframe; 0: none
+  std::filesystem::path json, trajectory, report;  ///< outputs; empty: none
   int repeat = 1;
+
+  turbomap::precision precision() const {
+    return numbers == "float64"   ? turbomap::precision::float64
+           : numbers == "float32" ? turbomap::precision::float32
+                                  : turbomap::precision::mixed;
+  }
 };
 
 /// The outcome of a run: its JSON, and whether every check held.

@@ -5,62 +5,131 @@
 /// \file
 /// One run of turbomap-replay under one policy: reads, checks or replays, prints, and makes the JSON of the contract.
 
+#include <cmath>
 #include <cstdio>
 
 #include <turbomap/io/recording.hpp>
 #include <turbomap/io/trajectory.hpp>
+#include <turbomap/io/trajectory_error.hpp>
 
 #include "check.hpp"
 #include "loop.hpp"
+#include "make_report.hpp"
 
 namespace turbomap_replay {
 
-/// Peer's means of the stages that we have, from its recorded times.
-inline void set_peer(const turbomap::timing_table& timing, replay_result& r) {
-  if (timing.empty()) return;
-  const double search = timing.mean("ms_sft"), creation = timing.mean("ms_createnew") - search;
-  r.process.peer_ms_mean = timing.mean("ms_process");
-  r.search.peer_ms_mean = search;
-  r.creation.peer_ms_mean = creation;
-  r.total.peer_ms_mean = r.process.peer_ms_mean + search + creation;
+/// The stages of some replays, 'process' with the insertion and the total last, beside the peer's means.
+inline std::vector<stage_samples> stages_of(const std::vector<replay_row>& rows, const turbomap::timing_table& timing) {
+  std::vector<stage_samples> stages;
+  const auto peer = [&](const char* column) { return timing.has(column) ? timing.mean(column) : std::nan(""); };
+  const double peer_search = peer("ms_sft");
+  const double peer_ms[turbomap::mapping_stages] = {
+      peer("ms_process"), peer("ms_mpculling"), peer_search, peer("ms_createnew") - peer_search,
+      peer("ms_fuse"),    peer("ms_lba"),       peer("ms_cull_orig")};
+  stage_samples total{"total", -1, {}};
+  double peer_total = 0;
+  for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) {
+    const auto stage = static_cast<turbomap::mapping_stage>(s);
+    stage_samples samples{turbomap::to_string(stage), std::isfinite(peer_ms[s]) ? peer_ms[s] : -1, {}};
+    for (const replay_row& row : rows)
+      if (row.report.outcome[stage] == turbomap::stage_outcome::done ||
+          row.report.outcome[stage] == turbomap::stage_outcome::cut)
+        samples.ms.add(row.report.ms[stage] + (stage == turbomap::mapping_stage::process ? row.insertion_ms : 0));
+    if (samples.ms.count() == 0) continue;
+    peer_total += samples.peer_ms_mean >= 0 ? samples.peer_ms_mean : std::nan("");
+    stages.push_back(samples);
+  }
+  for (const replay_row& row : rows) total.ms.add(row.total_ms);
+  total.peer_ms_mean = std::isfinite(peer_total) ? peer_total : -1;
+  stages.push_back(total);
+  return stages;
+}
+
+/// Longest and mean time that the map's guard was held, by stage.
+inline nlohmann::json guard_json(const std::vector<replay_row>& rows) {
+  nlohmann::json json;
+  for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) {
+    const auto stage = static_cast<turbomap::mapping_stage>(s);
+    turbomap::guard_times all;
+    for (const replay_row& row : rows) {
+      const auto& held = row.report.held[stage];
+      all.count += held.count, all.total_ms += held.total_ms;
+      all.longest_ms = std::max(all.longest_ms, held.longest_ms);
+    }
+    if (all.count != 0)
+      json[turbomap::to_string(stage)] = {{"times", all.count},
+                                          {"ms_mean", all.total_ms / static_cast<double>(all.count)},
+                                          {"ms_max", all.longest_ms}};
+  }
+  return json;
 }
 
 template <class Camera, class Policy>
 outcome replay(const turbomap::recording& recording, const Policy& policy, const arguments& arguments) {
   replay_result result;
+  std::vector<replay_row> rows;  // of all repetitions, the first keyframes left out
   for (int k = 0; k < arguments.repeat; ++k) {
-    replay_result again = replayer<Camera, Policy>(recording, policy, arguments).run();
-    const auto add = [](stage_samples& to, stage_samples& from) {
-      from.ms.insert(from.ms.begin(), to.ms.begin(), to.ms.end());
-    };
-    add(result.process, again.process), add(result.search, again.search);
-    add(result.creation, again.creation), add(result.total, again.total);
-    result = std::move(again);
+    result = replayer<Camera, Policy>(recording, policy, arguments).run();
+    for (std::size_t i = warm_up; i < result.rows.size(); ++i) rows.push_back(result.rows[i]);
   }
-  set_peer(turbomap::read_timing(arguments.recording), result);
-
-  std::vector<stage_samples> stages{result.process};
-  if (arguments.search) stages.push_back(result.search);
-  if (arguments.search && arguments.creation) stages.push_back(result.creation);
-  stages.push_back(result.total);
-  std::printf("%s: %zu keyframes, policy %s, %zu map points\n", arguments.recording.string().c_str(),
-              recording.keyframe_count(), arguments.policy.c_str(), result.map_points);
+  const turbomap::timing_table timing = turbomap::read_timing(arguments.recording);
+  const std::vector<stage_samples> stages = stages_of(rows, timing);
+  std::size_t skipped = 0, cut = 0, keyframes_culled = 0, points_culled = 0, created = 0;
+  turbomap::fusion_summary fused;
+  turbomap::per_stage<std::size_t> skipped_stages;
+  for (const replay_row& row : result.rows) {
+    bool any = false;
+    for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) {
+      const bool skip = row.report.outcome.values[s] == turbomap::stage_outcome::skipped;
+      skipped_stages.values[s] += skip ? 1 : 0;
+      any = any || skip;
+    }
+    skipped += any ? 1 : 0;
+    cut += row.report.cut ? 1 : 0;
+    keyframes_culled += row.report.keyframes_culled.size();
+    points_culled += row.report.points_culled;
+    created += row.report.points_created;
+    fused += row.report.fused;
+  }
+  std::printf("%s: %zu keyframes, %zu left, policy %s, %zu map points\n", arguments.recording.string().c_str(),
+              recording.keyframe_count(), result.keyframes_left, arguments.policy.c_str(), result.points.size());
+  std::printf(
+      "%zu points created, %zu dropped on probation, %zu duplicates merged, %zu observations added, %zu keyframes "
+      "culled\n",
+      created, points_culled, fused.merged, fused.observations_added, keyframes_culled);
+  if (skipped != 0 || cut != 0)
+    std::printf("%zu keyframes with stages skipped because more waited, %zu cut by the deadline\n", skipped, cut);
   print_table(stages);
 
   outcome o;
+  o.good = result.faults == 0;
+  if (!o.good) std::printf("%zu faults in the map\n", result.faults);
   o.json = {{"recording", arguments.recording.string()},
             {"policy", arguments.policy},
             {"keyframes", recording.keyframe_count()},
-            {"keyframes_left", recording.keyframe_count()},
-            {"map_points", result.map_points},
-            {"skipped", 0},
+            {"keyframes_left", result.keyframes_left},
+            {"map_points", result.points.size()},
+            {"skipped", skipped},
+            {"cut", cut},
+            {"map_faults", result.faults},
+            {"points_created", created},
+            {"points_culled", points_culled},
+            {"duplicates_merged", fused.merged},
+            {"observations_added", fused.observations_added},
+            {"fusion_conflicts", fused.conflicts},
+            {"associations", result.associations},
+            {"associations_kept", result.associations_kept},
+            {"guard_held", guard_json(rows)},
             {"peak_device_bytes", arguments.policy == "cuda" ? result.store.peak_chunk_bytes : 0},
             {"store_bytes_per_keyframe", result.store.bytes_per_keyframe}};
   for (const auto& s : stages) o.json["stages"][s.name] = s.json();
+  if (skipped != 0)
+    for (std::size_t s = 0; s < turbomap::mapping_stages; ++s)
+      o.json["skipped_stages"][turbomap::to_string(static_cast<turbomap::mapping_stage>(s))] = skipped_stages.values[s];
   if (recording.has_ground_truth()) {
     std::vector<turbomap::rigid_transform<float>> T_cw;
     for (const auto& T : result.T_cw) T_cw.push_back(turbomap::cast<float>(T));
-    const double ate = turbomap::keyframe_trajectory_error(recording, T_cw);
+    const double ate = turbomap::keyframe_trajectory_error(recording, T_cw, result.alive);
     o.json["ate_rmse_m"] = ate;
     std::printf("ATE %.4f m", ate);
     if (recording.meta.ate_kf_rmse_m >= 0) {
@@ -70,47 +139,39 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
     std::printf("; store %.0f bytes a keyframe\n", result.store.bytes_per_keyframe);
   }
   if (recording.is_simulated()) {
-    o.json["true_matches"] = {{"pairs", result.matches}, {"correct", result.correct_matches}};
-    std::printf("%zu matches, %zu of them right by the simulator's ids\n", result.matches, result.correct_matches);
+    o.json["true_matches"] = {{"pairs", result.matches.matches}, {"correct", result.matches.correct_matches}};
+    std::printf("%zu matches, %zu of them right by the simulator's ids\n", result.matches.matches,
+                result.matches.correct_matches);
   }
   if (arguments.check) {  // a recording without snapshots: properties that need no recorded truth
-    o.json["exhaustive"] = {{"pairs", result.pairs},
-                            {"grouped_queries_lost", result.grouped_queries_lost},
-                            {"ordered_equals_exhaustive", result.ordered_equals_exhaustive}};
+    o.json["exhaustive"] = {{"pairs", result.matches.pairs},
+                            {"grouped_queries_lost", result.matches.grouped_queries_lost},
+                            {"ordered_equals_exhaustive", result.matches.ordered_equals_exhaustive}};
     if (recording.is_simulated())
-      o.json["true_matches"]["grouped"] = {{"pairs", result.grouped_pairs}, {"correct", result.grouped_correct}};
-    o.good = result.grouped_queries_lost == 0 && result.ordered_equals_exhaustive;
+      o.json["true_matches"]["grouped"] = {{"pairs", result.matches.grouped_pairs},
+                                           {"correct", result.matches.grouped_correct}};
+    o.good = o.good && result.matches.grouped_queries_lost == 0 && result.matches.ordered_equals_exhaustive;
   }
   if (!arguments.trajectory.empty()) {
     std::vector<turbomap::stamped_pose> poses;
-    const auto T_cb = turbomap::inverse(turbomap::to_isometry<double>(recording.meta.T_bc));
-    for (std::size_t i = 0; i < result.T_cw.size(); ++i) {
-      // Body in world: T_wb = T_wc T_cb. The quaternion of a product is the product of the quaternions.
-      const auto& c = result.T_cw[i];
-      const auto b = turbomap::cast<double>(recording.meta.T_bc);
-      turbomap::stamped_pose p;
-      p.t_ns = recording.t_ns[i];
-      const auto t = turbomap::inverse(turbomap::to_isometry<double>(c)) * T_cb.t;
-      // (q_c)^-1 (q_b)^-1
-      p.T_wb.qw = c.qw * b.qw - c.qx * b.qx - c.qy * b.qy - c.qz * b.qz;
-      p.T_wb.qx = -c.qw * b.qx - c.qx * b.qw + c.qy * b.qz - c.qz * b.qy;
-      p.T_wb.qy = -c.qw * b.qy - c.qy * b.qw + c.qz * b.qx - c.qx * b.qz;
-      p.T_wb.qz = -c.qw * b.qz - c.qz * b.qw + c.qx * b.qy - c.qy * b.qx;
-      p.T_wb.tx = t.x, p.T_wb.ty = t.y, p.T_wb.tz = t.z;
-      poses.push_back(p);
-    }
+    const auto T_bc = turbomap::cast<double>(recording.meta.T_bc);
+    for (std::size_t i = 0; i < result.T_cw.size(); ++i)
+      if (result.alive[i] != 0)  // body in world: (T_bc T_cw)^-1
+        poses.push_back({recording.t_ns[i], invert(compose(T_bc, result.T_cw[i]))});
     turbomap::write_trajectory(arguments.trajectory, poses);
   }
+  if (!arguments.report.empty())
+    write_report(arguments.report, make_report(recording, arguments, result, stages, timing, o.json));
   return o;
 }
 
 template <class Camera, class Policy>
 outcome run_with(const turbomap::recording& recording, const Policy& policy, const arguments& arguments) {
   if (!arguments.check || recording.meta.snapshots.empty()) return replay<Camera>(recording, policy, arguments);
-  checker<Camera, Policy> check(recording, policy);
+  checker<Camera, Policy> check(recording, policy, arguments);
   for (const std::int32_t iteration : recording.meta.snapshots)
-    check.check(turbomap::read_snapshot(recording, arguments.recording, iteration), arguments);
-  return check.result(arguments);
+    check.check(turbomap::read_snapshot(recording, arguments.recording, iteration));
+  return check.result();
 }
 
 /// Throws bad_file for a recording that cannot be read.

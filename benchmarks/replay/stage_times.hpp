@@ -5,15 +5,14 @@
 /// \file
 /// Times of the stages of a replay, and their table.
 
-#include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <cstdio>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <nlohmann/json.hpp>
+
+#include <turbomap/mapping/mapping_report.hpp>
 
 namespace turbomap_replay {
 
@@ -22,23 +21,17 @@ inline double now_ms() {
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
+/// Keyframes left out of the statistics, as in the recorded ones: the map is small before.
+inline constexpr std::size_t warm_up = 11;
+
 /// The samples of one stage, one a keyframe.
 struct stage_samples {
   std::string name;
   double peer_ms_mean = -1;  ///< < 0: not recorded
-  std::vector<double> ms;
+  turbomap::duration_statistics ms;
 
-  double mean() const {
-    double sum = 0;
-    for (const double t : ms) sum += t;
-    return ms.empty() ? 0 : sum / static_cast<double>(ms.size());
-  }
-  double quantile(double q) const {
-    if (ms.empty()) return 0;
-    std::vector<double> sorted = ms;
-    std::sort(sorted.begin(), sorted.end());
-    return sorted[static_cast<std::size_t>(std::floor(q * static_cast<double>(sorted.size() - 1)))];
-  }
+  double mean() const { return ms.mean(); }
+  double quantile(double q) const { return ms.quantile(q); }
   nlohmann::json json() const {
     nlohmann::json j = {
         {"ms_mean", mean()}, {"ms_median", quantile(0.5)}, {"ms_p95", quantile(0.95)}, {"ms_max", quantile(1)}};
@@ -48,10 +41,10 @@ struct stage_samples {
 };
 
 inline void print_table(const std::vector<stage_samples>& stages) {
-  std::printf("%-12s %10s %10s %10s %10s %10s %8s\n", "stage (ms)", "mean", "median", "p95", "max", "peer mean",
+  std::printf("%-16s %10s %10s %10s %10s %10s %8s\n", "stage (ms)", "mean", "median", "p95", "max", "peer mean",
               "ratio");
   for (const stage_samples& s : stages) {
-    std::printf("%-12s %10.3f %10.3f %10.3f %10.3f", s.name.c_str(), s.mean(), s.quantile(0.5), s.quantile(0.95),
+    std::printf("%-16s %10.3f %10.3f %10.3f %10.3f", s.name.c_str(), s.mean(), s.quantile(0.5), s.quantile(0.95),
                 s.quantile(1));
     if (s.peer_ms_mean >= 0)
       std::printf(" %10.3f %7.1fx\n", s.peer_ms_mean, s.peer_ms_mean / s.mean());
