@@ -140,17 +140,18 @@ struct eliminate_landmarks {
         const A* coupling = s.coupling + static_cast<std::ptrdiff_t>(k) * 3 * V;
         for (int m = 0; m < 3; ++m) w[m] = w[m] + P::load(coupling + m * V);
       }
-      // Stored from the last column back: what a store leaves beyond its column is overwritten by nothing else.
+      // What a column's store leaves beyond it, the next column overwrites; the last one must not reach the next slot.
       A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
       const P z0 = w[0] * inverse[0], z1 = multiply_add(w[0], inverse[1], w[1] * inverse[2]);
       const P z2 = multiply_add(w[0], inverse[3], multiply_add(w[1], inverse[4], w[2] * inverse[5]));
-      store_column(z, z0);
-      store_column(z + V, z1);
+      z0.store(z);
+      z1.store(z + V);
       store_column(z + 2 * V, z2);
     }
   }
 
  private:
+  static_assert(column_lanes<V> <= 2 * V);
   /// V numbers and none more: the next slot may be another thread's.
   TURBOMAP_HD static void store_column(A* to, const pack<A, column_lanes<V>>& column) {
     A lanes[column_lanes<V>];
@@ -198,6 +199,8 @@ struct reduce_blocks {
   int count, step;
 
   static constexpr int n = column_lanes<V>;
+  static constexpr int ahead = 8;  ///< entries of a list between asking for memory and reading it
+  static constexpr int row_bytes = 3 * V * static_cast<int>(sizeof(A));
   using P = pack<A, n>;
 
   TURBOMAP_HD void operator()(int i) const {
@@ -212,8 +215,11 @@ struct reduce_blocks {
   TURBOMAP_HD void diagonal(int f) const {
     P sum[V], right(A(0));
     for (int r = 0; r < V; ++r) sum[r] = P(A(0));
-    for (int k = s.frame_slot[f]; k < s.frame_slot[f + 1]; ++k) {
-      const int slot = s.slot_list[k];
+    const int last = s.frame_slot[f + 1] - 1;
+    for (int k = s.frame_slot[f]; k <= last; ++k) {
+      const int slot = s.slot_list[k], later = s.slot_list[k + ahead < last ? k + ahead : last];
+      prefetch(s.eliminated + static_cast<std::ptrdiff_t>(later) * 3 * V, row_bytes);
+      prefetch(s.landmark[s.slot_landmark[later]].c, 24);
       const A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
       const eliminated_landmark& e = s.landmark[s.slot_landmark[slot]];
       for (int m = 0; m < 3; ++m) {
@@ -243,7 +249,11 @@ struct reduce_blocks {
   TURBOMAP_HD void other(int b) const {
     P sum[V];
     for (int r = 0; r < V; ++r) sum[r] = P(A(0));
-    for (int k = s.block_pair[b]; k < s.block_pair[b + 1]; ++k) {
+    const int last = s.block_pair[b + 1] - 1;
+    for (int k = s.block_pair[b]; k <= last; ++k) {
+      const slot_pair& later = s.pairs[k + ahead < last ? k + ahead : last];
+      prefetch(s.eliminated + static_cast<std::ptrdiff_t>(later.first) * 3 * V, row_bytes);
+      prefetch(s.eliminated + static_cast<std::ptrdiff_t>(later.second) * 3 * V, row_bytes);
       const A* first = s.eliminated + static_cast<std::ptrdiff_t>(s.pairs[k].first) * 3 * V;
       const A* second = s.eliminated + static_cast<std::ptrdiff_t>(s.pairs[k].second) * 3 * V;
       for (int m = 0; m < 3; ++m) {
