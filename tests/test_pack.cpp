@@ -12,6 +12,7 @@
 
 #include <turbomap/math/dual.hpp>
 #include <turbomap/math/pack_convert.hpp>
+#include <turbomap/math/pack_functions.hpp>
 #include <turbomap/math/rotation.hpp>
 
 #include "reference/eigen.hpp"
@@ -79,6 +80,25 @@ void check_scatter() {
 TEST_CASE("columns become rows, and nothing beyond them is written") {
   check_scatter<float, 3>(), check_scatter<float, 8>(), check_scatter<float, 9>(), check_scatter<float, 18>();
   check_scatter<double, 3>(), check_scatter<double, 4>(), check_scatter<double, 9>(), check_scatter<double, 18>();
+}
+
+template <class T>
+void check_polar_angle(double tolerance) {
+  for (double z = -4; z <= 4; z += 0.0625) {
+    T in[8], out[8];
+    for (int l = 0; l < 8; ++l) in[l] = static_cast<T>(l < 7 ? 0.37 * l * l + (l == 1 ? 1e-9 : 0) : std::abs(z));
+    const T at = static_cast<T>(z);
+    if (z == 0) in[0] = in[7] = T(1);
+    polar_angle(pack<T, 8>::load(in), pack<T, 8>(at)).store(out);
+    for (int l = 0; l < 8; ++l) {
+      const double angle = std::atan2(static_cast<double>(in[l]), z);
+      CHECK(std::abs(static_cast<double>(out[l]) - angle) <= tolerance * (angle + 1e-30));
+    }
+  }
+}
+TEST_CASE("the angle from the axis, everywhere") {
+  check_polar_angle<double>(5e-16);
+  check_polar_angle<float>(4e-7);
 }
 
 TEST_CASE("the exponential of a motion, small and large") {
