@@ -125,6 +125,53 @@ TEST_CASE_TEMPLATE("every kind of observation converges as the oracle does", Pol
   }
 }
 
+/// Newton's step overshoots: from x = 0.5 it only loses, unless it is damped.
+struct steep_factor {
+  static constexpr int size = 1;
+  struct row {};
+  template <class S>
+  bool residual(const rigid_transform<S>& T, const row&, S* e) const {
+    using std::atan;
+    e[0] = atan(S(10) * T.tx);
+    return true;
+  }
+};
+
+TEST_CASE("steps that are refused: the damping grows by 2, 4, 8, ...") {
+  const std::vector<rigid_transform<double>> start{{0, 0, 0, 1, 0.5, 0, 0}};
+  const std::vector<std::int32_t> frame{0};
+  const std::vector<steep_factor::row> rows(1);
+  turbomap::context<sequential> ctx{sequential{}};
+  turbomap::bundle_problem<sequential, pose_frame, turbomap::frame_factors<steep_factor>> problem(ctx);
+  problem.assign(ctx, {span<const rigid_transform<double>>(start), {}}, {},
+                 {{}, span<const std::int32_t>(frame), span<const steep_factor::row>(rows), {}, 1e6});
+  adjustment_options options;
+  options.max_iterations = 1;
+  const auto summary = turbomap::adjust(ctx, problem, options);
+  REQUIRE(summary.each.size() == 1);
+  CHECK(summary.accepted == 1);
+  const int steps = summary.each[0].steps;
+  CHECK(steps > 3);
+  const double slope = 10 / (1 + 25.0);
+  CHECK(summary.each[0].lambda == doctest::Approx(1e-5 * slope * slope * std::pow(2.0, steps * (steps - 1) / 2)).epsilon(1e-12));
+  // The step before was worse, this one is better.
+  const auto after = [&](double lambda) {
+    const double e = std::atan(5.0), x = 0.5 - slope * e / (slope * slope + lambda);
+    return std::atan(10 * x) * std::atan(10 * x);
+  };
+  CHECK(after(summary.each[0].lambda) == doctest::Approx(summary.cost_final).epsilon(1e-9));
+  CHECK(after(summary.each[0].lambda / std::pow(2.0, steps - 1)) > summary.cost_initial);
+  options.max_retries = 2;
+  problem.assign(ctx, {span<const rigid_transform<double>>(start), {}}, {},
+                 {{}, span<const std::int32_t>(frame), span<const steep_factor::row>(rows), {}, 1e6});
+  const auto refused = turbomap::adjust(ctx, problem, options);
+  CHECK(refused.end == adjustment_end::no_descent);
+  CHECK(refused.each[0].steps == 3);
+  std::vector<rigid_transform<double>> same;
+  problem.frames(ctx, same);
+  CHECK(same[0].tx == 0.5);
+}
+
 TEST_CASE("all solvers give one answer") {
   for (const auto kind : {scene_kind::stereo, scene_kind::fisheye_rig}) {
     const auto s = make_adjustment_scene(kind, 9, 2, 80, 3);
@@ -214,7 +261,7 @@ TEST_CASE_TEMPLATE("factors of one's own of every kind", Policy, sequential, omp
   const turbomap::frame_factors<prior_factor> h{{10.0}, {prior_frames.data(), prior_frames.size()},
                                                 {priors.data(), priors.size()}, {}, 1e6};
   const turbomap::frame_pair_factors<odometry_factor, turbomap::tukey> k{
-      {5.0}, {first.data(), first.size()}, {second.data(), second.size()}, {odometry.data(), odometry.size()}, {400.0}, 1e6};
+      {100.0}, {first.data(), first.size()}, {second.data(), second.size()}, {odometry.data(), odometry.size()}, {1e5}, 1e6};
 
   oracle_problem o;
   for (const auto& T : s.poses) o.frames.push_back(frame_of(T));
@@ -250,11 +297,11 @@ TEST_CASE_TEMPLATE("factors of one's own of every kind", Policy, sequential, omp
     b.frame = first[i], b.other = second[i];
     const auto z = odometry[i].shift;
     b.e = [=](const oracle_frame& f, const oracle_frame& t, const Eigen::Vector3d&) {
-      return Eigen::VectorXd(5 * (f.R.transpose() * (t.t - f.t) - Eigen::Vector3d(z.x, z.y, z.z)));
+      return Eigen::VectorXd(100 * (f.R.transpose() * (t.t - f.t) - Eigen::Vector3d(z.x, z.y, z.z)));
     };
     b.kernel = [](double chi2, double& rho, double& weight) {
-      const double x = chi2 < 400 ? 1 - chi2 / 400 : 0;
-      rho = 400.0 / 3 * (1 - x * x * x), weight = x * x;
+      const double x = chi2 < 1e5 ? 1 - chi2 / 1e5 : 0;
+      rho = 1e5 / 3 * (1 - x * x * x), weight = x * x;
     };
     o.blocks.push_back(b);
   }

@@ -126,6 +126,34 @@ TEST_CASE("the pose of the last round is the least squares of its inliers") {
   }
 }
 
+TEST_CASE("without robust rounds outliers pull; what is behind the camera is an outlier") {
+  frames_input in(make_adjustment_scene(scene_kind::mono, 3, 0, 60, 8));
+  turbomap::context<sequential> ctx{sequential{}};
+  turbomap::motion_only<scene_camera, sequential> adjust(ctx);
+  std::vector<turbomap::posed_frame> robust, plain;
+  std::vector<std::uint8_t> outlier;
+  motion_only_options options;
+  options.rounds = options.robust_rounds = 1;
+  adjust(ctx, in.view(), options, robust, outlier);
+  options.robust_rounds = 0;
+  adjust(ctx, in.view(), options, plain, outlier);
+  for (std::size_t f = 0; f < 3; ++f) {
+    CHECK(plain[f].cost > 1.5 * robust[f].cost);
+    CHECK(error(robust[f].T_cw, in.s.true_poses[f]) < error(plain[f].T_cw, in.s.true_poses[f]));
+  }
+  options = {};
+  adjust(ctx, in.view(), options, plain, outlier);
+  for (int i = 0; i < in.begin[1]; ++i) {  // mirrored through the camera's centre: the same pixels by the formula
+    const auto k = static_cast<std::size_t>(i);
+    if (i % 5 != 0 || outlier[k] != 0) continue;
+    const auto T = turbomap::to_isometry<double>(plain[0].T_cw);
+    const vec3<double> c = turbomap::camera_centre(T), p = in.point[k];
+    in.point[k] = {2 * c.x - p.x, 2 * c.y - p.y, 2 * c.z - p.z};
+  }
+  adjust(ctx, in.view(), options, robust, outlier);
+  for (int i = 0; i < in.begin[1]; i += 5) CHECK(outlier[static_cast<std::size_t>(i)] == 1);
+}
+
 TEST_CASE_TEMPLATE("frames that cannot be adjusted stay to the bit; the others do not mind", Policy, sequential, omp) {
   frames_input in(make_adjustment_scene(scene_kind::stereo, 5, 0, 60, 8));
   const auto n = in.point.size();
