@@ -60,7 +60,8 @@ class text_reader {
     skip_space(true);
     return at_ == text_.size();
   }
-  /// Characters that are left: no more than half as many numbers follow, so counts can be checked before they are trusted.
+  /// Characters that are left: no more than half as many numbers follow, so counts can be checked before they are
+  /// trusted.
   std::size_t left() const { return text_.size() - at_; }
 
   [[noreturn]] void fail(const std::string& reason) const {
