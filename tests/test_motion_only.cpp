@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Poses from fixed points: against the oracle of bundle adjustment with fixed landmarks, round by round; outliers; frames
+// Poses from fixed points: against the oracle of bundle adjustment with fixed landmarks, round by round; outliers;
+// frames
 // that cannot be adjusted.
 
 #include <doctest/doctest.h>
@@ -44,7 +45,8 @@ struct frames_input {
   }
   turbomap::motion_only_input<scene_camera> view() const {
     turbomap::motion_only_input<scene_camera> in;
-    in.rig = s.view(), in.T_cw = span<const rigid_transform<double>>(s.poses), in.begin = span<const std::int32_t>(begin);
+    in.rig = s.view(), in.T_cw = span<const rigid_transform<double>>(s.poses),
+    in.begin = span<const std::int32_t>(begin);
     in.point = span<const vec3<double>>(point), in.pixel = span<const vec3<double>>(pixel);
     in.information = span<const double>(information), in.camera = span<const std::uint8_t>(camera);
     return in;
@@ -102,7 +104,8 @@ TEST_CASE("the pose of the last round is the least squares of its inliers") {
   for (std::size_t f = 0; f < 3; ++f) {
     oracle_problem o;
     const auto& T = in.s.poses[f];
-    o.frames.push_back({Eigen::Quaterniond(T.qw, T.qx, T.qy, T.qz).toRotationMatrix(), {T.tx, T.ty, T.tz}, Eigen::VectorXd(0)});
+    o.frames.push_back(
+        {Eigen::Quaterniond(T.qw, T.qx, T.qy, T.qz).toRotationMatrix(), {T.tx, T.ty, T.tz}, Eigen::VectorXd(0)});
     o.frame_fixed = {false};
     for (auto i = static_cast<std::size_t>(in.begin[f]); i < static_cast<std::size_t>(in.begin[f + 1]); ++i) {
       if (before[i] != 0) continue;
@@ -113,7 +116,8 @@ TEST_CASE("the pose of the last round is the least squares of its inliers") {
       const double sigma = std::sqrt(in.information[i]);
       b.e = [=](const oracle_frame& x, const oracle_frame&, const Eigen::Vector3d&) {
         const Eigen::Vector3d p = x.R * Eigen::Vector3d(X.x, X.y, X.z) + x.t;
-        return Eigen::VectorXd(sigma * Eigen::Vector2d(435 * p.x() / p.z() + 367 - z.x, 436 * p.y() / p.z() + 252 - z.y));
+        return Eigen::VectorXd(sigma *
+                               Eigen::Vector2d(435 * p.x() / p.z() + 367 - z.x, 436 * p.y() / p.z() + 252 - z.y));
       };
       b.kernel = [](double chi2, double& rho, double& weight) { rho = chi2, weight = 1; };
       o.blocks.push_back(b);
@@ -159,10 +163,12 @@ TEST_CASE_TEMPLATE("frames that cannot be adjusted stay to the bit; the others d
   const auto n = in.point.size();
   for (auto i = static_cast<std::size_t>(in.begin[1]); i < static_cast<std::size_t>(in.begin[2]); ++i)
     in.pixel[i] = {1e5, -1e5, -1};  // all outliers
-  in.point[static_cast<std::size_t>(in.begin[2])].x = std::numeric_limits<double>::quiet_NaN();  // an outlier like others
+  in.point[static_cast<std::size_t>(in.begin[2])].x =
+      std::numeric_limits<double>::quiet_NaN();  // an outlier like others
   in.pixel[static_cast<std::size_t>(in.begin[3])].x = std::numeric_limits<double>::quiet_NaN();
-  in.begin.insert(in.begin.end(), {static_cast<std::int32_t>(n)}), in.s.poses.push_back({0, 0, 0, 2, 1, 2, 3});  // sees nothing
-  in.begin.push_back(static_cast<std::int32_t>(n + 2)), in.s.poses.push_back({});                                 // too little
+  in.begin.insert(in.begin.end(), {static_cast<std::int32_t>(n)}),
+      in.s.poses.push_back({0, 0, 0, 2, 1, 2, 3});                                 // sees nothing
+  in.begin.push_back(static_cast<std::int32_t>(n + 2)), in.s.poses.push_back({});  // too little
   for (int k = 0; k < 2; ++k) in.add(0);
   turbomap::context<Policy> ctx{Policy{}};
   turbomap::motion_only<scene_camera, Policy> adjust(ctx);

@@ -74,7 +74,8 @@ void check_scatter() {
     scatter(columns, out.data(), index, stride, count);
     for (int l = 0; l < 8; ++l)
       for (int k = 0; k < stride; ++k)
-        CHECK(out[static_cast<std::size_t>(index[l] * stride + k)] == (l < count && k < K ? static_cast<T>(100 * l + k) : T(-1)));
+        CHECK(out[static_cast<std::size_t>(index[l] * stride + k)] ==
+              (l < count && k < K ? static_cast<T>(100 * l + k) : T(-1)));
   }
 }
 TEST_CASE("columns become rows, and nothing beyond them is written") {
@@ -108,7 +109,8 @@ TEST_CASE("the exponential of a motion, small and large") {
     double step[6];
     for (double& s : step) s = size * uniform(random);
     rigid_transform<double> T;
-    T.qx = uniform(random), T.qy = uniform(random), T.qz = uniform(random), T.qw = uniform(random);  // not of unit length
+    T.qx = uniform(random), T.qy = uniform(random), T.qz = uniform(random),
+    T.qw = uniform(random);  // not of unit length
     T.tx = uniform(random), T.ty = uniform(random), T.tz = uniform(random);
     const auto result = left_exp(step, T);
     Eigen::Matrix4d W = Eigen::Matrix4d::Zero(), power = Eigen::Matrix4d::Identity(), sum = power;
@@ -149,8 +151,8 @@ TEST_CASE("dual numbers: every function against central differences") {
     CHECK(y.d[0] == 0);
     CHECK(y.d[1] == doctest::Approx(d).epsilon(1e-7));
   };
-  using std::abs, std::acos, std::asin, std::atan, std::atan2, std::cos, std::exp, std::log, std::pow, std::sin, std::sqrt,
-      std::tan;
+  using std::abs, std::acos, std::asin, std::atan, std::atan2, std::cos, std::exp, std::log, std::pow, std::sin,
+      std::sqrt, std::tan;
   for (const double x : {0.2, 0.45, 0.8}) {
     check([](auto v) { return v * v + v / (v + 2) - 3 * v; }, x);
     check([](auto v) { return -v + 1 / v; }, x);
@@ -160,7 +162,13 @@ TEST_CASE("dual numbers: every function against central differences") {
     check([](auto v) { return asin(v) * acos(v) + atan(v); }, x);
     check([](auto v) { return atan2(v, 2 - v) + atan2(1 - v, -v); }, x);
     check([](auto v) { return pow(v, 2.5) + abs(v - 5); }, x);
-    check([](auto v) { auto a = v; a += v * v, a -= 2, a *= v, a /= v + 1; return a; }, x);
+    check(
+        [](auto v) {
+          auto a = v;
+          a += v * v, a -= 2, a *= v, a /= v + 1;
+          return a;
+        },
+        x);
   }
 }
 

@@ -60,8 +60,12 @@ TEST_CASE("factors of one's own") {
   using bearing_group = turbomap::landmark_factors<bearing_factor, turbomap::cauchy>;
   using prior_group = turbomap::frame_factors<prior_factor>;
   using odometry_group = turbomap::frame_pair_factors<odometry_factor, turbomap::tukey>;
-  const bearing_group g{{200.0}, {s.frame.data(), s.frame.size()}, {s.landmark.data(), s.landmark.size()},
-                        {bearings.data(), bearings.size()}, {4.0}, 1e6};
+  const bearing_group g{{200.0},
+                        {s.frame.data(), s.frame.size()},
+                        {s.landmark.data(), s.landmark.size()},
+                        {bearings.data(), bearings.size()},
+                        {4.0},
+                        1e6};
   const prior_group h{{10.0}, {prior_frames.data(), 3}, {priors.data(), 3}, {}, 1e6};
   const odometry_group k{{5.0}, {first.data(), 5}, {second.data(), 5}, {odometry.data(), 5}, {400.0}, 1e6};
   const auto run = [&](const auto& policy, reduced_solver solver) {

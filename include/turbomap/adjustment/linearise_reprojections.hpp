@@ -14,7 +14,8 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Sizes of what a factor with landmarks gives, V = unknowns of the frame that it depends on. Symmetric matrices are lower
+/// Sizes of what a factor with landmarks gives, V = unknowns of the frame that it depends on. Symmetric matrices are
+/// lower
 /// triangles, row by row; b is the negative gradient.
 template <int V>
 struct landmark_block {
@@ -51,7 +52,8 @@ struct reprojection_view {
   template <class T, int N>
   TURBOMAP_HD vec3<pack<T, N>> points(const double* landmarks, int i) const {
     using P = pack<T, N>;
-    return {P::gather(landmarks, landmark + i, landmark_stride), P::gather(landmarks + 1, landmark + i, landmark_stride),
+    return {P::gather(landmarks, landmark + i, landmark_stride),
+            P::gather(landmarks + 1, landmark + i, landmark_stride),
             P::gather(landmarks + 2, landmark + i, landmark_stride)};
   }
   template <class T, int N>

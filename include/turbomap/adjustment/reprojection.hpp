@@ -3,8 +3,10 @@
 #pragma once
 
 /// \file
-/// Residuals of reprojections and their derivatives by the point in the body's coordinates, lane by lane: what the built-in
-/// factor group computes. A pinhole is computed in packs, any other camera by its own functions, one lane after the other.
+/// Residuals of reprojections and their derivatives by the point in the body's coordinates, lane by lane: what the
+/// built-in
+/// factor group computes. A pinhole is computed in packs, any other camera by its own functions, one lane after the
+/// other.
 
 #include <cmath>
 #include <cstdint>
@@ -154,7 +156,8 @@ struct lane_reprojection {
     }
   }
 
-  /// The formulas of kannala_brandt. False, where a lane is on the optical axis or may be beyond a fold of the polynomial:
+  /// The formulas of kannala_brandt. False, where a lane is on the optical axis or may be beyond a fold of the
+  /// polynomial:
   /// then all are left to the camera's own functions.
   template <bool Derivative>
   TURBOMAP_HD bool round(const kannala_brandt<double>& c, const vec3<pack<G, N>>& p, const vec3<pack<G, N>>& measured) {
@@ -178,7 +181,8 @@ struct lane_reprojection {
     if constexpr (Derivative) {
       using Q = pack<A, N>;
       const P along = slope / (r2 + z2), curve = (along * p.z - scale) / r2;
-      const Q x = convert<A>(p.x), y = convert<A>(p.y), a = convert<A>(along), b = convert<A>(curve), s = convert<A>(scale);
+      const Q x = convert<A>(p.x), y = convert<A>(p.y), a = convert<A>(along), b = convert<A>(curve),
+              s = convert<A>(scale);
       const Q fx(static_cast<A>(c.fx)), fy(static_cast<A>(c.fy)), xy = x * y * b;
       d[0][0] = fx * (s + x * x * b), d[0][1] = fx * xy, d[0][2] = -(fx * (x * a));
       d[1][0] = fy * xy, d[1][1] = fy * (s + y * y * b), d[1][2] = -(fy * (y * a));
@@ -202,7 +206,8 @@ struct lane_reprojection {
       else
         good = c.camera.project(q, pixel);
       ok[l] = good ? G(1) : G(0);
-      u[l] = static_cast<G>(pixel.x - static_cast<double>(u[l])), v[l] = static_cast<G>(pixel.y - static_cast<double>(v[l]));
+      u[l] = static_cast<G>(pixel.x - static_cast<double>(u[l])),
+      v[l] = static_cast<G>(pixel.y - static_cast<double>(v[l]));
       if (!good || depth[l] == G(0)) depth[l] = G(1);  // used where there is a right image only
       if constexpr (Derivative)
         for (int k = 0; k < 6; ++k) slope[k][l] = static_cast<A>(D.m[k]);

@@ -3,7 +3,8 @@
 #pragma once
 
 /// \file
-/// Function objects of the Schur complement: sums of the frames, elimination of the landmarks, the reduced system block by
+/// Function objects of the Schur complement: sums of the frames, elimination of the landmarks, the reduced system
+/// block by
 /// block, back-substitution. Each index gathers its own sum from a fixed list; nothing is scattered.
 
 #include <cmath>
@@ -29,7 +30,9 @@ struct eliminated_landmark {
 
 /// Lanes that hold a column of V numbers; what is beyond V is read but means nothing.
 template <int V>
-inline constexpr int column_lanes = TURBOMAP_VECTOR_BYTES == 0 ? V : (V + 3) / 4 * 4 == 4 ? 4 : (V + 7) / 8 * 8;
+inline constexpr int column_lanes = TURBOMAP_VECTOR_BYTES == 0 ? V
+                                    : (V + 3) / 4 * 4 == 4     ? 4
+                                                               : (V + 7) / 8 * 8;
 
 /// Views of the lists of adjustment_structure and of the sums, where the policy computes.
 template <class A>
@@ -42,15 +45,15 @@ struct schur_view {
   const std::int32_t *block_row, *block_column, *block_pair, *block_factor, *factor_list;
   const slot_pair* pairs;
   const std::uint8_t* landmark_fixed;  ///< null: none
-  const double* chunk_partial;   ///< landmark_block<V>::partial a chunk
-  const double* factor_partial;  ///< frame_block<D>::partial a factor's frame
+  const double* chunk_partial;         ///< landmark_block<V>::partial a chunk
+  const double* factor_partial;        ///< frame_block<D>::partial a factor's frame
   const double* factor_square;
   const A* row;
   const A* coupling;
-  A* eliminated;                 ///< [slot] Z = coupling L^-T, as couplings
+  A* eliminated;  ///< [slot] Z = coupling L^-T, as couplings
   eliminated_landmark* landmark;
-  double* H;                     ///< [free frame] lower triangle
-  double* b;                     ///< [free frame]
+  double* H;  ///< [free frame] lower triangle
+  double* b;  ///< [free frame]
   int free_frames, blocks;
 };
 
@@ -175,7 +178,8 @@ struct eliminate_landmarks {
   }
 };
 
-/// Where the blocks of the reduced matrix go: row-major, the upper triangle of blocks. In a dense matrix of leading dimension
+/// Where the blocks of the reduced matrix go: row-major, the upper triangle of blocks. In a dense matrix of leading
+/// dimension
 /// `stride`, or one after the other (diagonal ones first).
 struct reduced_layout {
   double* S;
@@ -185,11 +189,13 @@ struct reduced_layout {
 
   TURBOMAP_HD double* block(int index, int row, int column, int free_frames, int D) const {
     if (dense) return S + static_cast<std::ptrdiff_t>(row) * D * stride + column * D;
-    return S + (row == column ? static_cast<std::ptrdiff_t>(row) : static_cast<std::ptrdiff_t>(free_frames) + index) * D * D;
+    return S + (row == column ? static_cast<std::ptrdiff_t>(row) : static_cast<std::ptrdiff_t>(free_frames) + index) *
+                   D * D;
   }
 };
 
-/// Index below free_frames: a diagonal block and its right hand side; above: one of the other blocks. Indices are mixed, so
+/// Index below free_frames: a diagonal block and its right hand side; above: one of the other blocks. Indices are
+/// mixed, so
 /// that neighbours (which one thread takes) are of all sizes.
 template <class A, int V, int D>
 struct reduce_blocks {
