@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// turbomap-ceres-bundle: one problem adjusted by TurboMap and by Ceres Solver, in turns, on one core: same start, same number
-/// of iterations, one JSON. Built where Ceres is installed.
+/// turbomap-ceres-bundle: one problem adjusted by TurboMap and by Ceres Solver, in turns, on one core: same start, same
+/// number of iterations, one JSON. Built where Ceres is installed.
 
 #include <cstdio>
 #include <fstream>

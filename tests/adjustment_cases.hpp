@@ -81,7 +81,8 @@ inline adjustment_scene make_adjustment_scene(scene_kind kind, int frames, int f
     s.poses.push_back(s.fixed.back() ? s.true_poses.back() : turbomap::left_exp(error, s.true_poses.back()));
     for (int l = 0; l < points; ++l)
       for (std::size_t c = 0; c < s.rig.size(); ++c) {
-        const vec3<double> body = turbomap::to_isometry<double>(s.true_poses.back()) * s.true_points[static_cast<std::size_t>(l)];
+        const vec3<double> body =
+            turbomap::to_isometry<double>(s.true_poses.back()) * s.true_points[static_cast<std::size_t>(l)];
         const vec3<double> p = turbomap::to_isometry<double>(s.rig[c].T_camera_body) * body;
         vec2<double> q{};
         if (uniform(random) < -0.2 || p.z < 0.5 || !s.rig[c].camera.project(p, q)) continue;
@@ -118,8 +119,10 @@ adjusted adjust_scene(const Policy& policy, const adjustment_scene& s, const tur
 inline double distance(const adjusted& a, const adjusted& b) {
   double d = 0;
   for (std::size_t f = 0; f < a.poses.size(); ++f) {
-    const double p[7] = {a.poses[f].qx, a.poses[f].qy, a.poses[f].qz, a.poses[f].qw, a.poses[f].tx, a.poses[f].ty, a.poses[f].tz};
-    const double q[7] = {b.poses[f].qx, b.poses[f].qy, b.poses[f].qz, b.poses[f].qw, b.poses[f].tx, b.poses[f].ty, b.poses[f].tz};
+    const double p[7] = {a.poses[f].qx, a.poses[f].qy, a.poses[f].qz, a.poses[f].qw,
+                         a.poses[f].tx, a.poses[f].ty, a.poses[f].tz};
+    const double q[7] = {b.poses[f].qx, b.poses[f].qy, b.poses[f].qz, b.poses[f].qw,
+                         b.poses[f].tx, b.poses[f].ty, b.poses[f].tz};
     for (int i = 0; i < 7; ++i) d = std::max(d, std::abs(p[i] - q[i]));
   }
   for (std::size_t l = 0; l < a.points.size(); ++l)

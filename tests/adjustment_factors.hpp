@@ -44,7 +44,7 @@ struct prior_factor {
   }
 };
 
-/// A difference of translations, turned back by the first rotation.
+/// The second translation less half the first, turned back by the first rotation: not symmetric in its frames.
 struct odometry_factor {
   static constexpr int size = 3;
   struct row {
@@ -57,7 +57,7 @@ struct odometry_factor {
     using turbomap::operator-;
     using turbomap::operator*;
     const auto a = turbomap::to_isometry<S>(first), b = turbomap::to_isometry<S>(second);
-    const turbomap::vec3<S> d = turbomap::transpose(a.R) * (b.t - a.t);
+    const turbomap::vec3<S> d = turbomap::transpose(a.R) * (b.t - S(0.5) * a.t);
     e[0] = S(weight) * (d.x - S(r.shift.x)), e[1] = S(weight) * (d.y - S(r.shift.y));
     e[2] = S(weight) * (d.z - S(r.shift.z));
     return true;

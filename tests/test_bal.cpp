@@ -78,6 +78,8 @@ TEST_CASE("the pose of a camera is the exponential of its rotation vector") {
   CHECK(T.qx == 0);
   CHECK(T.tx == 1);
   CHECK(T.tz == 3);
+  c.rotation = {0, 0.5, 0};
+  CHECK(turbomap::bal_pose(c).qy == doctest::Approx(std::sin(0.25)).epsilon(1e-15));
   c.rotation = {0, 0, 0};
   CHECK(turbomap::bal_pose(c).qw == 1);
   c.rotation = {4e-10, 0, 0};

@@ -35,7 +35,8 @@ Eigen::MatrixXd symmetric(int n, int rank, unsigned seed) {
 
 std::vector<double> padded_copy(const Eigen::MatrixXd& S) {
   const int n = static_cast<int>(S.rows()), m = dense_cholesky::padded(n);
-  std::vector<double> A(static_cast<std::size_t>(m) * static_cast<std::size_t>(m), 7.0);  // what is beyond n means nothing
+  std::vector<double> A(static_cast<std::size_t>(m) * static_cast<std::size_t>(m),
+                        7.0);  // what is beyond n means nothing
   for (int c = 0; c < n; ++c)
     for (int r = c; r < n; ++r) A[static_cast<std::size_t>(c * m + r)] = S(r, c);  // the lower triangle alone
   return A;

@@ -22,10 +22,10 @@ namespace {
 
 struct sequence_files {
   std::string calibration = "700 710 0 600 170 0.5";
-  // Frame 20 is half a turn about y, 3 m ahead; it has few digits, as the real ones.
+  // Frame 20 is a quarter turn about y, 3 m ahead; it has few digits, as the real ones.
   std::string poses =
       "10  1 0 0 0  0 1 0 0  -0 0 1 0  0 0 0 1\n"
-      "20  -0.999999 0 0 0.5  0 1 0 0  0 0 -0.999999 3  0 0 0 1\n";
+      "20  0 0 0.999999 0.5  0 1 0 0  -0.999999 0 0 3  0 0 0 1\n";
   std::string factors =
       "10 7 740 390 240 2 1 10\r\n"
       "20 7 600 550 100 9 9 9\n"
@@ -68,13 +68,13 @@ TEST_CASE("a sequence is read, landmarks where their first frame saw them") {
   CHECK(p.data.information == std::vector<double>{1, 1, 1});
   CHECK(p.data.T_cw[0].qw == 1);
   const auto& T = p.data.T_cw[1];
-  CHECK(std::abs(T.qy) == doctest::Approx(1).epsilon(1e-12));
-  CHECK(T.tx == doctest::Approx(0.5).epsilon(1e-9));  // -R_cw t_wc
-  CHECK(T.tz == doctest::Approx(3).epsilon(1e-9));
+  CHECK(T.qy / T.qw == doctest::Approx(-1).epsilon(1e-5));
+  CHECK(T.tx == doctest::Approx(3).epsilon(1e-5));  // -R_cw t_wc
+  CHECK(T.tz == doctest::Approx(-0.5).epsilon(1e-5));
   CHECK(p.data.points[0].x == 2);
   CHECK(p.data.points[0].z == 10);
-  CHECK(p.data.points[1].x == doctest::Approx(0.5));
-  CHECK(p.data.points[1].z == doctest::Approx(-2));
+  CHECK(p.data.points[1].x == doctest::Approx(5.5));
+  CHECK(p.data.points[1].z == doctest::Approx(3));
   CHECK(read({sequence_files().calibration, sequence_files().poses, ""}).data.observation_count() == 0);
 }
 
@@ -97,9 +97,9 @@ TEST_CASE("what is broken is named with its file and line") {
   CHECK(has(with(calibration, "0.5", "0"), "the baseline is not positive"));
   CHECK(has(with(calibration, " 0.5", ""), "the file ends before baseline"));
   CHECK(has(with(calibration, "0.5", "0.5 1"), "there is more than fx fy skew cx cy baseline"));
-  CHECK(has(with(poses, "20  -0.999999", "10  -0.999999"), "poses.txt: line 2: frame 10 has a pose already"));
-  CHECK(has(with(poses, "20  -0.999999", "20  -0.9"), "line 2: the pose has no rotation matrix"));
-  CHECK(has(with(poses, "20  -0.999999", "20  1"), "line 2: the pose is a reflection"));
+  CHECK(has(with(poses, "20  0 0", "10  0 0"), "poses.txt: line 2: frame 10 has a pose already"));
+  CHECK(has(with(poses, "20  0 0 0.999999", "20  0 0 0.9"), "line 2: the pose has no rotation matrix"));
+  CHECK(has(with(poses, "20  0 0 0.999999", "20  0 0 -0.999999"), "line 2: the pose is a reflection"));
   CHECK(has(with(poses, "0 0 0 1\n20", "0 0 1 1\n20"), "line 1: the last row of the pose is not 0 0 0 1"));
   CHECK(has(with(poses, "0.5", "nan"), "line 2: 'nan' is no element of the pose"));
   CHECK(has(with(factors, "20 3", "21 3"), "factors.txt: line 3: frame 21 has no pose"));

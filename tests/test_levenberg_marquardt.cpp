@@ -57,10 +57,14 @@ oracle_problem oracle_of(const adjustment_scene& s) {
     const bool stereo = z.z >= 0 && bf > 0;
     const auto* curved = c.camera.get_if<turbomap::kannala_brandt<double>>();
     const auto* straight = c.camera.get_if<turbomap::pinhole<double>>();
-    const double K[8] = {curved ? curved->fx : straight->fx, curved ? curved->fy : straight->fy,
-                         curved ? curved->cx : straight->cx, curved ? curved->cy : straight->cy,
-                         curved ? curved->k1 : 0,            curved ? curved->k2 : 0,
-                         curved ? curved->k3 : 0,            curved ? curved->k4 : 0};
+    const double K[8] = {curved ? curved->fx : straight->fx,
+                         curved ? curved->fy : straight->fy,
+                         curved ? curved->cx : straight->cx,
+                         curved ? curved->cy : straight->cy,
+                         curved ? curved->k1 : 0,
+                         curved ? curved->k2 : 0,
+                         curved ? curved->k3 : 0,
+                         curved ? curved->k4 : 0};
     const std::vector<double> k(K, K + 8);
     const bool is_curved = curved != nullptr;
     oracle_block b;
@@ -91,12 +95,13 @@ double distance(const adjusted& a, const oracle_problem& o) {
     d = std::max({d, (x.R - o.frames[f].R).cwiseAbs().maxCoeff(), (x.t - o.frames[f].t).cwiseAbs().maxCoeff()});
   }
   for (std::size_t l = 0; l < a.points.size(); ++l)
-    d = std::max(d, (Eigen::Vector3d(a.points[l].x, a.points[l].y, a.points[l].z) - o.landmarks[l]).cwiseAbs().maxCoeff());
+    d = std::max(d,
+                 (Eigen::Vector3d(a.points[l].x, a.points[l].y, a.points[l].z) - o.landmarks[l]).cwiseAbs().maxCoeff());
   return d;
 }
 
-void check_against_oracle(const adjusted& a, const std::vector<double>& costs, const oracle_problem& o, double cost_tolerance,
-                          double state_tolerance) {
+void check_against_oracle(const adjusted& a, const std::vector<double>& costs, const oracle_problem& o,
+                          double cost_tolerance, double state_tolerance) {
   REQUIRE(a.summary.each.size() == costs.size());
   for (std::size_t i = 0; i < costs.size(); ++i)
     CHECK(std::abs(a.summary.each[i].cost - costs[i]) <= cost_tolerance * costs[i]);
@@ -123,6 +128,54 @@ TEST_CASE_TEMPLATE("every kind of observation converges as the oracle does", Pol
     options.numbers = precision::float32;
     check_against_oracle(adjust_scene(Policy{}, s, options), costs, o, 1e-4, 2e-3);
   }
+}
+
+/// Newton's step overshoots: from x = 0.5 it only loses, unless it is damped.
+struct steep_factor {
+  static constexpr int size = 1;
+  struct row {};
+  template <class S>
+  bool residual(const rigid_transform<S>& T, const row&, S* e) const {
+    using std::atan;
+    e[0] = atan(S(10) * T.tx);
+    return true;
+  }
+};
+
+TEST_CASE("steps that are refused: the damping grows by 2, 4, 8, ...") {
+  const std::vector<rigid_transform<double>> start{{0, 0, 0, 1, 0.5, 0, 0}};
+  const std::vector<std::int32_t> frame{0};
+  const std::vector<steep_factor::row> rows(1);
+  turbomap::context<sequential> ctx{sequential{}};
+  turbomap::bundle_problem<sequential, pose_frame, turbomap::frame_factors<steep_factor>> problem(ctx);
+  problem.assign(ctx, {span<const rigid_transform<double>>(start), {}}, {},
+                 {{}, span<const std::int32_t>(frame), span<const steep_factor::row>(rows), {}, 1e6});
+  adjustment_options options;
+  options.max_iterations = 1;
+  const auto summary = turbomap::adjust(ctx, problem, options);
+  REQUIRE(summary.each.size() == 1);
+  CHECK(summary.accepted == 1);
+  const int steps = summary.each[0].steps;
+  CHECK(steps > 3);
+  const double slope = 10 / (1 + 25.0);
+  CHECK(summary.each[0].lambda ==
+        doctest::Approx(1e-5 * slope * slope * std::pow(2.0, steps * (steps - 1) / 2)).epsilon(1e-12));
+  // The step before was worse, this one is better.
+  const auto after = [&](double lambda) {
+    const double e = std::atan(5.0), x = 0.5 - slope * e / (slope * slope + lambda);
+    return std::atan(10 * x) * std::atan(10 * x);
+  };
+  CHECK(after(summary.each[0].lambda) == doctest::Approx(summary.cost_final).epsilon(1e-9));
+  CHECK(after(summary.each[0].lambda / std::pow(2.0, steps - 1)) > summary.cost_initial);
+  options.max_retries = 2;
+  problem.assign(ctx, {span<const rigid_transform<double>>(start), {}}, {},
+                 {{}, span<const std::int32_t>(frame), span<const steep_factor::row>(rows), {}, 1e6});
+  const auto refused = turbomap::adjust(ctx, problem, options);
+  CHECK(refused.end == adjustment_end::no_descent);
+  CHECK(refused.each[0].steps == 3);
+  std::vector<rigid_transform<double>> same;
+  problem.frames(ctx, same);
+  CHECK(same[0].tx == 0.5);
 }
 
 TEST_CASE("all solvers give one answer") {
@@ -203,18 +256,21 @@ TEST_CASE_TEMPLATE("factors of one's own of every kind", Policy, sequential, omp
   std::vector<std::int32_t> prior_frames{0, 3, 0}, first{0, 2, 2, 5, 4}, second{1, 1, 3, 0, 3};
   std::vector<odometry_factor::row> odometry;
   for (const auto f : prior_frames) priors.push_back({s.true_poses[static_cast<std::size_t>(f)]});
-  for (std::size_t i = 0; i < first.size(); ++i)
-    odometry.push_back({{0.1 * static_cast<double>(i), 0.02, -0.01}});
+  for (std::size_t i = 0; i < first.size(); ++i) odometry.push_back({{0.1 * static_cast<double>(i), 0.02, -0.01}});
   std::vector<bearing_factor::row> bearings;
   for (const auto& p : s.pixel) bearings.push_back({(p.x - 367) / 435, (p.y - 252) / 436});
   using turbomap::cauchy;
-  const turbomap::landmark_factors<bearing_factor, cauchy> g{{200.0}, {s.frame.data(), s.frame.size()},
+  const turbomap::landmark_factors<bearing_factor, cauchy> g{{200.0},
+                                                             {s.frame.data(), s.frame.size()},
                                                              {s.landmark.data(), s.landmark.size()},
-                                                             {bearings.data(), bearings.size()}, {4.0}, 1e6};
-  const turbomap::frame_factors<prior_factor> h{{10.0}, {prior_frames.data(), prior_frames.size()},
-                                                {priors.data(), priors.size()}, {}, 1e6};
+                                                             {bearings.data(), bearings.size()},
+                                                             {4.0},
+                                                             1e6};
+  const turbomap::frame_factors<prior_factor> h{
+      {10.0}, {prior_frames.data(), prior_frames.size()}, {priors.data(), priors.size()}, {}, 1e6};
   const turbomap::frame_pair_factors<odometry_factor, turbomap::tukey> k{
-      {5.0}, {first.data(), first.size()}, {second.data(), second.size()}, {odometry.data(), odometry.size()}, {400.0}, 1e6};
+      {100.0}, {first.data(), first.size()}, {second.data(), second.size()}, {odometry.data(), odometry.size()}, {1e5},
+      1e6};
 
   oracle_problem o;
   for (const auto& T : s.poses) o.frames.push_back(frame_of(T));
@@ -230,7 +286,9 @@ TEST_CASE_TEMPLATE("factors of one's own of every kind", Policy, sequential, omp
       const Eigen::Vector3d p = f.R * X + f.t;
       return Eigen::VectorXd(200 * Eigen::Vector2d(p.x() / p.z() - z.x, p.y() / p.z() - z.y));
     };
-    b.kernel = [](double chi2, double& rho, double& weight) { rho = 4 * std::log(1 + chi2 / 4), weight = 4 / (4 + chi2); };
+    b.kernel = [](double chi2, double& rho, double& weight) {
+      rho = 4 * std::log(1 + chi2 / 4), weight = 4 / (4 + chi2);
+    };
     o.blocks.push_back(b);
   }
   for (std::size_t i = 0; i < priors.size(); ++i) {
@@ -250,11 +308,11 @@ TEST_CASE_TEMPLATE("factors of one's own of every kind", Policy, sequential, omp
     b.frame = first[i], b.other = second[i];
     const auto z = odometry[i].shift;
     b.e = [=](const oracle_frame& f, const oracle_frame& t, const Eigen::Vector3d&) {
-      return Eigen::VectorXd(5 * (f.R.transpose() * (t.t - f.t) - Eigen::Vector3d(z.x, z.y, z.z)));
+      return Eigen::VectorXd(100 * (f.R.transpose() * (t.t - 0.5 * f.t) - Eigen::Vector3d(z.x, z.y, z.z)));
     };
     b.kernel = [](double chi2, double& rho, double& weight) {
-      const double x = chi2 < 400 ? 1 - chi2 / 400 : 0;
-      rho = 400.0 / 3 * (1 - x * x * x), weight = x * x;
+      const double x = chi2 < 1e5 ? 1 - chi2 / 1e5 : 0;
+      rho = 1e5 / 3 * (1 - x * x * x), weight = x * x;
     };
     o.blocks.push_back(b);
   }
@@ -311,8 +369,8 @@ TEST_CASE_TEMPLATE("degenerate problems end with a reason and unchanged", Policy
     turbomap::context<Policy> ctx{Policy{}};
     turbomap::bundle_problem<Policy, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
     const std::vector<std::uint8_t> landmarks_fixed(s.points.size(), 1);
-    problem.assign(ctx, s.frame_input(), {span<const vec3<double>>(s.points), span<const std::uint8_t>(landmarks_fixed)},
-                   s.group());
+    problem.assign(ctx, s.frame_input(),
+                   {span<const vec3<double>>(s.points), span<const std::uint8_t>(landmarks_fixed)}, s.group());
     CHECK(turbomap::adjust(ctx, problem).end == adjustment_end::nothing_free);
   }
   SUBCASE("all weights zero: rows switched off, or all outliers of a kernel that forgets them") {
@@ -388,7 +446,8 @@ TEST_CASE("landmarks may be fixed: poses alone move") {
   const auto costs = oracle_adjust(o, 5);
   turbomap::context<sequential> ctx{sequential{}};
   turbomap::bundle_problem<sequential, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
-  problem.assign(ctx, s.frame_input(), {span<const vec3<double>>(s.points), span<const std::uint8_t>(fixed)}, s.group());
+  problem.assign(ctx, s.frame_input(), {span<const vec3<double>>(s.points), span<const std::uint8_t>(fixed)},
+                 s.group());
   adjustment_options options;
   options.max_iterations = 5;
   adjusted a;

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Poses from fixed points: against the oracle of bundle adjustment with fixed landmarks, round by round; outliers; frames
+// Poses from fixed points: against the oracle of bundle adjustment with fixed landmarks, round by round; outliers;
+// frames
 // that cannot be adjusted.
 
 #include <doctest/doctest.h>
@@ -44,7 +45,8 @@ struct frames_input {
   }
   turbomap::motion_only_input<scene_camera> view() const {
     turbomap::motion_only_input<scene_camera> in;
-    in.rig = s.view(), in.T_cw = span<const rigid_transform<double>>(s.poses), in.begin = span<const std::int32_t>(begin);
+    in.rig = s.view(), in.T_cw = span<const rigid_transform<double>>(s.poses),
+    in.begin = span<const std::int32_t>(begin);
     in.point = span<const vec3<double>>(point), in.pixel = span<const vec3<double>>(pixel);
     in.information = span<const double>(information), in.camera = span<const std::uint8_t>(camera);
     return in;
@@ -102,7 +104,8 @@ TEST_CASE("the pose of the last round is the least squares of its inliers") {
   for (std::size_t f = 0; f < 3; ++f) {
     oracle_problem o;
     const auto& T = in.s.poses[f];
-    o.frames.push_back({Eigen::Quaterniond(T.qw, T.qx, T.qy, T.qz).toRotationMatrix(), {T.tx, T.ty, T.tz}, Eigen::VectorXd(0)});
+    o.frames.push_back(
+        {Eigen::Quaterniond(T.qw, T.qx, T.qy, T.qz).toRotationMatrix(), {T.tx, T.ty, T.tz}, Eigen::VectorXd(0)});
     o.frame_fixed = {false};
     for (auto i = static_cast<std::size_t>(in.begin[f]); i < static_cast<std::size_t>(in.begin[f + 1]); ++i) {
       if (before[i] != 0) continue;
@@ -113,7 +116,8 @@ TEST_CASE("the pose of the last round is the least squares of its inliers") {
       const double sigma = std::sqrt(in.information[i]);
       b.e = [=](const oracle_frame& x, const oracle_frame&, const Eigen::Vector3d&) {
         const Eigen::Vector3d p = x.R * Eigen::Vector3d(X.x, X.y, X.z) + x.t;
-        return Eigen::VectorXd(sigma * Eigen::Vector2d(435 * p.x() / p.z() + 367 - z.x, 436 * p.y() / p.z() + 252 - z.y));
+        return Eigen::VectorXd(sigma *
+                               Eigen::Vector2d(435 * p.x() / p.z() + 367 - z.x, 436 * p.y() / p.z() + 252 - z.y));
       };
       b.kernel = [](double chi2, double& rho, double& weight) { rho = chi2, weight = 1; };
       o.blocks.push_back(b);
@@ -126,15 +130,45 @@ TEST_CASE("the pose of the last round is the least squares of its inliers") {
   }
 }
 
+TEST_CASE("without robust rounds outliers pull; what is behind the camera is an outlier") {
+  frames_input in(make_adjustment_scene(scene_kind::mono, 3, 0, 60, 8));
+  turbomap::context<sequential> ctx{sequential{}};
+  turbomap::motion_only<scene_camera, sequential> adjust(ctx);
+  std::vector<turbomap::posed_frame> robust, plain;
+  std::vector<std::uint8_t> outlier;
+  motion_only_options options;
+  options.rounds = options.robust_rounds = 1;
+  adjust(ctx, in.view(), options, robust, outlier);
+  options.robust_rounds = 0;
+  adjust(ctx, in.view(), options, plain, outlier);
+  for (std::size_t f = 0; f < 3; ++f) {
+    CHECK(plain[f].cost > 1.5 * robust[f].cost);
+    CHECK(error(robust[f].T_cw, in.s.true_poses[f]) < error(plain[f].T_cw, in.s.true_poses[f]));
+  }
+  options = {};
+  adjust(ctx, in.view(), options, plain, outlier);
+  for (int i = 0; i < in.begin[1]; ++i) {  // mirrored through the camera's centre: the same pixels by the formula
+    const auto k = static_cast<std::size_t>(i);
+    if (i % 5 != 0 || outlier[k] != 0) continue;
+    const auto T = turbomap::to_isometry<double>(plain[0].T_cw);
+    const vec3<double> c = turbomap::camera_centre(T), p = in.point[k];
+    in.point[k] = {2 * c.x - p.x, 2 * c.y - p.y, 2 * c.z - p.z};
+  }
+  adjust(ctx, in.view(), options, robust, outlier);
+  for (int i = 0; i < in.begin[1]; i += 5) CHECK(outlier[static_cast<std::size_t>(i)] == 1);
+}
+
 TEST_CASE_TEMPLATE("frames that cannot be adjusted stay to the bit; the others do not mind", Policy, sequential, omp) {
   frames_input in(make_adjustment_scene(scene_kind::stereo, 5, 0, 60, 8));
   const auto n = in.point.size();
   for (auto i = static_cast<std::size_t>(in.begin[1]); i < static_cast<std::size_t>(in.begin[2]); ++i)
     in.pixel[i] = {1e5, -1e5, -1};  // all outliers
-  in.point[static_cast<std::size_t>(in.begin[2])].x = std::numeric_limits<double>::quiet_NaN();  // an outlier like others
+  in.point[static_cast<std::size_t>(in.begin[2])].x =
+      std::numeric_limits<double>::quiet_NaN();  // an outlier like others
   in.pixel[static_cast<std::size_t>(in.begin[3])].x = std::numeric_limits<double>::quiet_NaN();
-  in.begin.insert(in.begin.end(), {static_cast<std::int32_t>(n)}), in.s.poses.push_back({0, 0, 0, 2, 1, 2, 3});  // sees nothing
-  in.begin.push_back(static_cast<std::int32_t>(n + 2)), in.s.poses.push_back({});                                 // too little
+  in.begin.insert(in.begin.end(), {static_cast<std::int32_t>(n)}),
+      in.s.poses.push_back({0, 0, 0, 2, 1, 2, 3});                                 // sees nothing
+  in.begin.push_back(static_cast<std::int32_t>(n + 2)), in.s.poses.push_back({});  // too little
   for (int k = 0; k < 2; ++k) in.add(0);
   turbomap::context<Policy> ctx{Policy{}};
   turbomap::motion_only<scene_camera, Policy> adjust(ctx);

@@ -12,6 +12,7 @@
 
 #include <turbomap/math/dual.hpp>
 #include <turbomap/math/pack_convert.hpp>
+#include <turbomap/math/pack_functions.hpp>
 #include <turbomap/math/rotation.hpp>
 
 #include "reference/eigen.hpp"
@@ -73,12 +74,32 @@ void check_scatter() {
     scatter(columns, out.data(), index, stride, count);
     for (int l = 0; l < 8; ++l)
       for (int k = 0; k < stride; ++k)
-        CHECK(out[static_cast<std::size_t>(index[l] * stride + k)] == (l < count && k < K ? static_cast<T>(100 * l + k) : T(-1)));
+        CHECK(out[static_cast<std::size_t>(index[l] * stride + k)] ==
+              (l < count && k < K ? static_cast<T>(100 * l + k) : T(-1)));
   }
 }
 TEST_CASE("columns become rows, and nothing beyond them is written") {
   check_scatter<float, 3>(), check_scatter<float, 8>(), check_scatter<float, 9>(), check_scatter<float, 18>();
   check_scatter<double, 3>(), check_scatter<double, 4>(), check_scatter<double, 9>(), check_scatter<double, 18>();
+}
+
+template <class T>
+void check_polar_angle(double tolerance) {
+  for (double z = -4; z <= 4; z += 0.0625) {
+    T in[8], out[8];
+    for (int l = 0; l < 8; ++l) in[l] = static_cast<T>(l < 7 ? 0.37 * l * l + (l == 1 ? 1e-9 : 0) : std::abs(z));
+    const T at = static_cast<T>(z);
+    if (z == 0) in[0] = in[7] = T(1);
+    polar_angle(pack<T, 8>::load(in), pack<T, 8>(at)).store(out);
+    for (int l = 0; l < 8; ++l) {
+      const double angle = std::atan2(static_cast<double>(in[l]), z);
+      CHECK(std::abs(static_cast<double>(out[l]) - angle) <= tolerance * (angle + 1e-30));
+    }
+  }
+}
+TEST_CASE("the angle from the axis, everywhere") {
+  check_polar_angle<double>(5e-16);
+  check_polar_angle<float>(4e-7);
 }
 
 TEST_CASE("the exponential of a motion, small and large") {
@@ -88,7 +109,8 @@ TEST_CASE("the exponential of a motion, small and large") {
     double step[6];
     for (double& s : step) s = size * uniform(random);
     rigid_transform<double> T;
-    T.qx = uniform(random), T.qy = uniform(random), T.qz = uniform(random), T.qw = uniform(random);  // not of unit length
+    T.qx = uniform(random), T.qy = uniform(random), T.qz = uniform(random),
+    T.qw = uniform(random);  // not of unit length
     T.tx = uniform(random), T.ty = uniform(random), T.tz = uniform(random);
     const auto result = left_exp(step, T);
     Eigen::Matrix4d W = Eigen::Matrix4d::Zero(), power = Eigen::Matrix4d::Identity(), sum = power;
@@ -129,8 +151,8 @@ TEST_CASE("dual numbers: every function against central differences") {
     CHECK(y.d[0] == 0);
     CHECK(y.d[1] == doctest::Approx(d).epsilon(1e-7));
   };
-  using std::abs, std::acos, std::asin, std::atan, std::atan2, std::cos, std::exp, std::log, std::pow, std::sin, std::sqrt,
-      std::tan;
+  using std::abs, std::acos, std::asin, std::atan, std::atan2, std::cos, std::exp, std::log, std::pow, std::sin,
+      std::sqrt, std::tan;
   for (const double x : {0.2, 0.45, 0.8}) {
     check([](auto v) { return v * v + v / (v + 2) - 3 * v; }, x);
     check([](auto v) { return -v + 1 / v; }, x);
@@ -140,7 +162,13 @@ TEST_CASE("dual numbers: every function against central differences") {
     check([](auto v) { return asin(v) * acos(v) + atan(v); }, x);
     check([](auto v) { return atan2(v, 2 - v) + atan2(1 - v, -v); }, x);
     check([](auto v) { return pow(v, 2.5) + abs(v - 5); }, x);
-    check([](auto v) { auto a = v; a += v * v, a -= 2, a *= v, a /= v + 1; return a; }, x);
+    check(
+        [](auto v) {
+          auto a = v;
+          a += v * v, a -= 2, a *= v, a /= v + 1;
+          return a;
+        },
+        x);
   }
 }
 

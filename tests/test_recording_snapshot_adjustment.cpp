@@ -164,7 +164,10 @@ TEST_CASE("what is broken is named with its array and row") {
   CHECK(has(with<std::uint8_t>("lba_kf_fixed", [](bytes& v) { v[0] = 2; }), "array lba_kf_fixed: row 0 is 2"));
   CHECK(has(with<std::uint8_t>("lba_kf_fixed", [](bytes& v) { v.pop_back(); }), "array lba_kf_fixed: has 2 rows"));
   CHECK(has(with<pose>("lba_Tcw_before", [&](auto& v) { v[2].ty = nan; }), "array lba_Tcw_before: row 2 holds"));
+  CHECK(has(with<pose>("lba_Tcw_before", [](auto& v) { v[0].qw = 2; }), "array lba_Tcw_before: row 0 does not begin"));
   CHECK(has(with<pose>("lba_Tcw_after", [](auto& v) { v[1].qw = 2; }), "array lba_Tcw_after: row 1 does not begin"));
+  CHECK(has(with<pose>("lba_Tcw_after", [&](auto& v) { v[1].tz = nan; }), "array lba_Tcw_after: row 1 holds"));
+  CHECK(has(with<point>("lba_pt_after", [&](auto& v) { v[1].z = nan; }), "array lba_pt_after: row 1 holds"));
   CHECK(
       has(with<std::array<double, 12>>("lba_pose_after_d", [](auto& v) { v.pop_back(); }), "lba_pose_after_d: has 1"));
   CHECK(has(with<std::array<double, 12>>("lba_pose_after_d", [&](auto& v) { v[0][11] = dnan; }), "row 0 holds"));
@@ -180,6 +183,10 @@ TEST_CASE("what is broken is named with its array and row") {
   CHECK(has(with<point>("lba_e_obs", [&](auto& v) { v[1].z = nan; }), "array lba_e_obs: row 1 holds"));
   CHECK(
       has(with<float>("lba_e_invsigma2", [](floats& v) { v[1] = 0; }), "array lba_e_invsigma2: row 1 is not positive"));
+  CHECK(has(with<float>("lba_e_invsigma2", [&](floats& v) { v[2] = std::numeric_limits<float>::infinity(); }),
+            "row 2 holds"));
+  CHECK(
+      has(with<double>("lba_e_chi2_before", [&](doubles& v) { v[2] = dnan; }), "array lba_e_chi2_before: row 2 holds"));
   CHECK(has(with<double>("lba_e_chi2_after", [&](doubles& v) { v[1] = dnan; }), "array lba_e_chi2_after: row 1"));
   CHECK(
       has(with<double>("lba_e_chi2_before", [](doubles& v) { v.pop_back(); }), "array lba_e_chi2_before: has 2 rows"));

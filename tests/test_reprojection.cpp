@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Residuals and derivatives of reprojections, for every camera model: packs against the camera's own projection and against
+// Residuals and derivatives of reprojections, for every camera model: packs against the camera's own projection and
+// against
 // central differences; a whole chunk against sums of one observation each.
 
 #include <doctest/doctest.h>
@@ -94,8 +95,8 @@ TEST_CASE_TEMPLATE("residuals and derivatives of every model", C, ALL_MODELS) {
     for (int round = 0; round < 50; ++round) {
       double turn[6];
       for (double& t : turn) t = mounted ? 0.2 * uniform(random) : 0;
-      const rig_camera<C> on_rig{example<C>(), mounted ? left_exp(turn, rigid_transform<double>{}) : rigid_transform<double>{},
-                                 47.9, {}};
+      const rig_camera<C> on_rig{
+          example<C>(), mounted ? left_exp(turn, rigid_transform<double>{}) : rigid_transform<double>{}, 47.9, {}};
       const adjustment_camera<C> camera(on_rig);
       CHECK(camera.is_body == !mounted);
       const isometry<double> T = to_isometry<double>(on_rig.T_camera_body);
@@ -137,8 +138,8 @@ TEST_CASE_TEMPLATE("residuals and derivatives of every model", C, ALL_MODELS) {
 }
 
 TEST_CASE("where a projection is not defined: no number that is not finite") {
-  const std::vector<vec3<double>> points{{1, 1, 0}, {0, 0, 0}, {1, 0, 1e-9}, {1, 1, -2}, {0, 0, 3}, {1, 2, 3}, {-1, 0, -0.0},
-                                         {0, 0, -1}};
+  const std::vector<vec3<double>> points{{1, 1, 0}, {0, 0, 0}, {1, 0, 1e-9},  {1, 1, -2},
+                                         {0, 0, 3}, {1, 2, 3}, {-1, 0, -0.0}, {0, 0, -1}};
   const std::vector<vec3<double>> measured(8, {300, 200, 250});
   const auto check = [&](const auto& camera, std::vector<double> defined) {
     lane_reprojection<double, float, N> r;

@@ -35,8 +35,9 @@ struct outcome {
   bool good = true;
 };
 
-/// One run under each policy. Each is compiled by itself (run_*.cpp; cuda/bundle_cuda.cu where there is CUDA): the templates
-/// of every camera, solver and precision are behind them. run_cuda throws std::runtime_error without a device.
+/// One run under each policy. Each is compiled by itself (run_*.cpp; cuda/bundle_cuda.cu where there is CUDA): the
+/// templates of every camera, solver and precision are behind them. run_cuda throws std::runtime_error without a
+/// device.
 outcome run_seq(const arguments& arguments);
 outcome run_omp(const arguments& arguments);
 outcome run_tbb(const arguments& arguments);

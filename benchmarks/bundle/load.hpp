@@ -119,6 +119,8 @@ inline loaded_problem load_lba(const arguments& a) {
   const auto recording = turbomap::read_recording(folder.parent_path());
   const auto s = turbomap::read_adjustment_snapshot(recording, folder.parent_path(), std::stoi(name.substr(5)));
   if (!s) throw turbomap::bad_file("turbomap: " + a.input.string() + ": holds no adjustment");
+  if (s->inertial)
+    throw turbomap::bad_file("turbomap: " + a.input.string() + ": its adjustment is inertial, not visual");
   if (recording.meta.is_fisheye()) return recorded_problem<turbomap::kannala_brandt<double>>(recording.meta, *s);
   return recorded_problem<turbomap::pinhole<double>>(recording.meta, *s);
 }

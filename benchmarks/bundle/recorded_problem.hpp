@@ -85,8 +85,8 @@ struct observation_cost {
   double chi2, robust, depth;
 };
 
-/// Costs of every observation at any estimate, in float64, one after the other: the one judge of our results and of others'.
-/// Deltas are [ORB-SLAM3]'s. An observation that its camera cannot project has a chi2 of infinity.
+/// Costs of every observation at any estimate, in float64, one after the other: the one judge of our results and of
+/// others'. Deltas are [ORB-SLAM3]'s. An observation that its camera cannot project has a chi2 of infinity.
 template <class Camera>
 std::vector<observation_cost> observation_costs(const rig_problem<Camera>& p,
                                                 const std::vector<turbomap::isometry<double>>& T_cw,

@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// Check of the visual local bundle adjustment: the recorded problems adjusted with the recorded number of iterations, then
-/// cost, poses and outliers compared. Costs of both results come from one function in float64.
+/// Check of the visual local bundle adjustment: the recorded problems adjusted with the recorded number of iterations,
+/// then cost, poses and outliers compared. Costs of both results come from one function in float64.
 
 #include <algorithm>
 #include <cmath>

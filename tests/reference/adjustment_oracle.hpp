@@ -3,7 +3,8 @@
 #pragma once
 
 /// \file
-/// The oracle of bundle adjustment: dense normal equations of all unknowns, without the Schur complement, derivatives by
+/// The oracle of bundle adjustment: dense normal equations of all unknowns, without the Schur complement, derivatives
+/// by
 /// central differences, Levenberg-Marquardt with Nielsen's damping. Written for reading; it uses none of the library.
 
 #include <algorithm>
@@ -51,7 +52,8 @@ struct oracle_frame {
 struct oracle_block {
   int frame = -1, other = -1, landmark = -1;
   /// Whitened residuals.
-  std::function<Eigen::VectorXd(const oracle_frame& frame, const oracle_frame& other, const Eigen::Vector3d& landmark)> e;
+  std::function<Eigen::VectorXd(const oracle_frame& frame, const oracle_frame& other, const Eigen::Vector3d& landmark)>
+      e;
   /// rho and its derivative.
   std::function<void(double chi2, double& rho, double& weight)> kernel;
 };
@@ -76,7 +78,8 @@ struct oracle_problem {
   Eigen::VectorXd residual(const oracle_block& b) const {
     static const oracle_frame none;
     static const Eigen::Vector3d nowhere = Eigen::Vector3d::Zero();
-    return b.e(b.frame < 0 ? none : frames[static_cast<std::size_t>(b.frame)], b.other < 0 ? none : frames[static_cast<std::size_t>(b.other)],
+    return b.e(b.frame < 0 ? none : frames[static_cast<std::size_t>(b.frame)],
+               b.other < 0 ? none : frames[static_cast<std::size_t>(b.other)],
                b.landmark < 0 ? nowhere : landmarks[static_cast<std::size_t>(b.landmark)]);
   }
 
@@ -122,7 +125,8 @@ struct oracle_problem {
           work.frames[static_cast<std::size_t>(f)] = at.moved(h * Eigen::VectorXd::Unit(at.dof(), i));
           const Eigen::VectorXd up = work.residual(block);
           work.frames[static_cast<std::size_t>(f)] = at.moved(-h * Eigen::VectorXd::Unit(at.dof(), i));
-          J.push_back((up - work.residual(block)) / (2 * h)), columns.push_back(of_frame[static_cast<std::size_t>(f)] + i);
+          J.push_back((up - work.residual(block)) / (2 * h)),
+              columns.push_back(of_frame[static_cast<std::size_t>(f)] + i);
         }
         work.frames[static_cast<std::size_t>(f)] = at;
       };
@@ -136,7 +140,8 @@ struct oracle_problem {
           X = at + h * Eigen::Vector3d::Unit(i);
           const Eigen::VectorXd up = work.residual(block);
           X = at - h * Eigen::Vector3d::Unit(i);
-          J.push_back((up - work.residual(block)) / (2 * h)), columns.push_back(of_landmark[static_cast<std::size_t>(block.landmark)] + i);
+          J.push_back((up - work.residual(block)) / (2 * h)),
+              columns.push_back(of_landmark[static_cast<std::size_t>(block.landmark)] + i);
           X = at;
         }
       }

@@ -3,7 +3,8 @@
 #pragma once
 
 /// \file
-/// Cholesky factorisation of a sparse symmetric matrix of square blocks on the host, in an order of least degree: for long
+/// Cholesky factorisation of a sparse symmetric matrix of square blocks on the host, in an order of least degree: for
+/// long
 /// trajectories, where few frames share landmarks.
 
 #include <algorithm>
@@ -24,7 +25,8 @@ class block_cholesky {
  public:
   static constexpr std::size_t square = static_cast<std::size_t>(D) * D;
 
-  /// Orders the rows and finds the blocks of the factor. Block k of the matrix couples row[k] < column[k]; diagonal blocks are
+  /// Orders the rows and finds the blocks of the factor. Block k of the matrix couples row[k] < column[k]; diagonal
+  /// blocks are
   /// all there. O(n^2 + blocks of the factor times their rows).
   void analyse(int n, const std::vector<std::int32_t>& row, const std::vector<std::int32_t>& column) {
     n_ = n;
@@ -56,7 +58,8 @@ class block_cholesky {
       std::vector<std::int32_t>().swap(clique);
     }
     for (auto& r : rows_) r = place_[at(r)];
-    for (int k = 0; k < n; ++k) std::sort(rows_.begin() + offset(begin_[at(k)]), rows_.begin() + offset(begin_[at(k) + 1]));
+    for (int k = 0; k < n; ++k)
+      std::sort(rows_.begin() + offset(begin_[at(k)]), rows_.begin() + offset(begin_[at(k) + 1]));
     source_.assign(row.size(), 0), transposed_.assign(row.size(), 0);
     for (std::size_t b = 0; b < row.size(); ++b) {
       const std::int32_t i = place_[at(row[b])], j = place_[at(column[b])], lower = std::max(i, j), k = std::min(i, j);
@@ -138,7 +141,8 @@ class block_cholesky {
       for (int i = j; i < D; ++i)
         for (int m = 0; m < j; ++m) l[i * D + j] -= l[i * D + m] * l[j * D + m];
       const double pivot = l[j * D + j];
-      if (!(pivot > tolerance * original_[at(k) * D + at(j)]) || !(pivot > 0) || !detail::is_finite(pivot)) return false;
+      if (!(pivot > tolerance * original_[at(k) * D + at(j)]) || !(pivot > 0) || !detail::is_finite(pivot))
+        return false;
       const double root = std::sqrt(pivot);
       l[j * D + j] = root;
       for (int i = j + 1; i < D; ++i) l[i * D + j] /= root;

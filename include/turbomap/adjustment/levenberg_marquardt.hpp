@@ -83,7 +83,8 @@ class levenberg_marquardt {
         return iterate(ctx, cost,
                        sparse_reduced_solver<A, V, D, Policy>(ctx, s_, structure.block_row, structure.block_column,
                                                               problem_.workspace_));
-      default: return iterate(ctx, cost, dense_reduced_solver<A, V, D, Policy>(ctx, s_, problem_.workspace_));
+      default:
+        return iterate(ctx, cost, dense_reduced_solver<A, V, D, Policy>(ctx, s_, problem_.workspace_));
     }
   }
 
@@ -136,8 +137,7 @@ class levenberg_marquardt {
       }
       it.cost = summary_.cost_final = cost;
       summary_.each.push_back(it);
-      if (!accepted)
-        return end == adjustment_end::no_descent && !factorised ? adjustment_end::singular : end;
+      if (!accepted) return end == adjustment_end::no_descent && !factorised ? adjustment_end::singular : end;
       if (options_.min_relative_decrease > 0 && slow >= options_.slow_iterations) return adjustment_end::converged;
     }
     return adjustment_end::max_iterations;
@@ -174,7 +174,8 @@ class levenberg_marquardt {
     s_.coupling = sums_.coupling = ctx.template scratch<A>(s.couplings() * 3 * V + slack);
     s_.eliminated = ctx.template scratch<A>(s.slots() * 3 * V + slack);
     s_.chunk_partial = sums_.partial = ctx.template scratch<double>(at(s.partials) * landmark_block<V>::partial);
-    s_.factor_partial = factor_partial_ = ctx.template scratch<double>(at(problem_.factor_partials_) * frame_block<D>::partial);
+    s_.factor_partial = factor_partial_ =
+        ctx.template scratch<double>(at(problem_.factor_partials_) * frame_block<D>::partial);
     s_.factor_square = factor_square_ = ctx.template scratch<double>(at(problem_.squares_) * frame_block<D>::square);
     s_.landmark = ctx.template scratch<eliminated_landmark>(at(s.landmarks));
     s_.H = ctx.template scratch<double>(nf * frame_block<D>::triangle);
@@ -183,7 +184,9 @@ class levenberg_marquardt {
     scales_ = ctx.template scratch<double>(at(s.landmarks));
   }
   void view_blocks() {
-    const auto lists = [&](int i) { return problem_.lists_[static_cast<std::size_t>(Problem::first_block_list + i)].data(); };
+    const auto lists = [&](int i) {
+      return problem_.lists_[static_cast<std::size_t>(Problem::first_block_list + i)].data();
+    };
     s_.block_row = lists(0), s_.block_column = lists(1), s_.block_pair = lists(2), s_.block_factor = lists(3);
     s_.factor_list = lists(4), s_.pairs = problem_.pairs_.data();
     s_.blocks = static_cast<int>(problem_.structure_.block_row.size());
@@ -206,9 +209,7 @@ class levenberg_marquardt {
   void linearise(context<Policy>& ctx) {
     const auto x = problem_.estimate(problem_.current_);
     std::apply(
-        [&](auto&... g) {
-          (g.template linearise<G, A>(ctx.policy(), x, sums_, factor_partial_, factor_square_), ...);
-        },
+        [&](auto&... g) { (g.template linearise<G, A>(ctx.policy(), x, sums_, factor_partial_, factor_square_), ...); },
         problem_.groups_);
     for_each_index(ctx.policy(), s_.free_frames, sum_frames<A, V, D>{s_});
   }
@@ -227,7 +228,8 @@ class levenberg_marquardt {
     return largest;
   }
 
-  /// Solves for a step with a damping and applies it to the other estimate. `predicted`: the decrease that the quadratic
+  /// Solves for a step with a damping and applies it to the other estimate. `predicted`: the decrease that the
+  /// quadratic
   /// model promises, the sum of dx (lambda dx + b).
   template <class Policy, class Solver>
   reduced_step take_step(context<Policy>& ctx, Solver& solver, double lambda, double& predicted) {
@@ -245,7 +247,8 @@ class levenberg_marquardt {
     for_each_index(ctx.policy(), s.frames,
                    retract_frames<Frame>{problem_.free_of_frame_.data(), x, problem_.states_[from].data(),
                                          problem_.states_[to].data()});
-    for_each_index(ctx.policy(), s.frames, prepare_poses<Frame>{problem_.states_[to].data(), problem_.poses_[to].data()});
+    for_each_index(ctx.policy(), s.frames,
+                   prepare_poses<Frame>{problem_.states_[to].data(), problem_.poses_[to].data()});
     const double* gains = on_host(ctx, scales_, static_cast<std::size_t>(groups), host_costs_);
     predicted = 0;
     for (int i = 0; i < groups; ++i) predicted += gains[i];
@@ -260,7 +263,8 @@ class levenberg_marquardt {
     if (options_.solver != reduced_solver::automatic) return options_.solver;
     if (unknowns <= options_.dense_limit) return reduced_solver::dense;
     if (unknowns > options_.sparse_limit) return reduced_solver::pcg;
-    const double f = problem_.structure_.free_frames, blocks = static_cast<double>(problem_.structure_.block_row.size());
+    const double f = problem_.structure_.free_frames,
+                 blocks = static_cast<double>(problem_.structure_.block_row.size());
     return blocks_known && blocks > options_.sparse_fill * f * f / 2 ? reduced_solver::pcg : reduced_solver::sparse;
   }
 
@@ -276,7 +280,8 @@ class levenberg_marquardt {
 };
 
 /// Adjusts a problem: moves its free frames and landmarks to where the sum of rho(chi2) of all factors is least.
-/// Levenberg-Marquardt (H + lambda I; one iteration = one linearisation with all its retries), landmarks eliminated by the
+/// Levenberg-Marquardt (H + lambda I; one iteration = one linearisation with all its retries), landmarks eliminated by
+/// the
 /// Schur complement. The same input gives the same bits, run by run and for any number of threads.
 /// \return what happened; where no step was accepted the estimate is to the bit what was given
 /// \throws std::invalid_argument  an option is out of range
@@ -296,9 +301,12 @@ adjustment_summary adjust(context<Policy>& ctx, bundle_problem<Policy, Frame, Gr
   require(options.pcg_max_iterations > 0, "options.pcg_max_iterations", options.pcg_max_iterations, "must be positive");
   using problem_type = bundle_problem<Policy, Frame, Groups...>;
   switch (options.numbers) {
-    case precision::mixed: return levenberg_marquardt<problem_type, double, float>::run(ctx, problem, options);
-    case precision::float32: return levenberg_marquardt<problem_type, float, float>::run(ctx, problem, options);
-    default: return levenberg_marquardt<problem_type, double, double>::run(ctx, problem, options);
+    case precision::mixed:
+      return levenberg_marquardt<problem_type, double, float>::run(ctx, problem, options);
+    case precision::float32:
+      return levenberg_marquardt<problem_type, float, float>::run(ctx, problem, options);
+    default:
+      return levenberg_marquardt<problem_type, double, double>::run(ctx, problem, options);
   }
 }
 

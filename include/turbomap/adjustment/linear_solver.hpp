@@ -58,7 +58,8 @@ class dense_reduced_solver {
     x_ = ctx.template scratch<double>(n);
   }
 
-  /// \return the steps of the free frames in the policy's memory through `x`, and a host view of them through `on_host_x`
+  /// \return the steps of the free frames in the policy's memory through `x`, and a host view of them through
+  /// `on_host_x`
   reduced_step solve(context<Policy>& ctx, double lambda, double*& x, double*& on_host_x) {
     const std::size_t n = static_cast<std::size_t>(padded_);
     fill_bytes(ctx.policy(), matrix_, 0, n * n * sizeof(double));

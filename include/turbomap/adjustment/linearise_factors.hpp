@@ -3,7 +3,8 @@
 #pragma once
 
 /// \file
-/// Function objects that linearise a user's own factors, or sum their robust cost: with landmarks (index = chunk), of one
+/// Function objects that linearise a user's own factors, or sum their robust cost: with landmarks (index = chunk), of
+/// one
 /// frame and between two (index = factor).
 
 #include <cstddef>
@@ -161,8 +162,8 @@ struct linearise_landmark_factors {
     double total[block::partial] = {};
     for (int i = c.begin; i < c.begin + c.count; ++i) {
       double e[size], d_frame[size * V], d_landmark[size * 3], rho, w = 0, h[block::row] = {};
-      const bool defined =
-          linearise<Frame>(group.factor, states[c.frame], group.point(landmarks, i), group.rows[i], e, d_frame, d_landmark);
+      const bool defined = linearise<Frame>(group.factor, states[c.frame], group.point(landmarks, i), group.rows[i], e,
+                                            d_frame, d_landmark);
       const double chi2 = defined ? detail::squared_length<size>(e) : 0;
       if (defined && detail::is_finite(chi2)) {
         group.kernel(chi2, rho, w);

@@ -45,8 +45,8 @@ struct linearise_frame_factors {
     bool defined;
     const bool pair = group.second != nullptr;
     if constexpr (is_pair)
-      defined = linearise<Frame>(group.factor, states[group.first[i]], states[group.second[i]], group.rows[i], e, d[0],
-                                 d[1]);
+      defined =
+          linearise<Frame>(group.factor, states[group.first[i]], states[group.second[i]], group.rows[i], e, d[0], d[1]);
     else
       defined = linearise<Frame>(group.factor, states[group.first[i]], group.rows[i], e, d[0]);
     const double chi2 = defined ? detail::squared_length<size>(e) : 0;

@@ -14,7 +14,8 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Sizes of what a factor with landmarks gives, V = unknowns of the frame that it depends on. Symmetric matrices are lower
+/// Sizes of what a factor with landmarks gives, V = unknowns of the frame that it depends on. Symmetric matrices are
+/// lower
 /// triangles, row by row; b is the negative gradient.
 template <int V>
 struct landmark_block {
@@ -51,7 +52,8 @@ struct reprojection_view {
   template <class T, int N>
   TURBOMAP_HD vec3<pack<T, N>> points(const double* landmarks, int i) const {
     using P = pack<T, N>;
-    return {P::gather(landmarks, landmark + i, landmark_stride), P::gather(landmarks + 1, landmark + i, landmark_stride),
+    return {P::gather(landmarks, landmark + i, landmark_stride),
+            P::gather(landmarks + 1, landmark + i, landmark_stride),
             P::gather(landmarks + 2, landmark + i, landmark_stride)};
   }
   template <class T, int N>
@@ -90,8 +92,16 @@ struct linearise_reprojections {
     for (int i = 0; i < 21; ++i) H[i] = P(A(0));
     for (int i = 0; i < 6; ++i) b[i] = P(A(0));
     for (int i = 0; i < 9; ++i) R[i] = P(static_cast<A>(T.R.m[i]));
-    for (int i = 0; i < c.count; i += N)
+    for (int i = 0; i < c.count; i += N) {
+      if constexpr (N > 1)
+        for (int l = i + N; l < i + 2 * N && l < c.count; ++l) {  // where the next ones are written
+          prefetch(sums.row + static_cast<std::ptrdiff_t>(group.row[c.begin + l]) * block::row, 64);
+          if (c.free >= 0)
+            prefetch(sums.coupling + static_cast<std::ptrdiff_t>(group.coupling[c.begin + l]) * block::coupling,
+                     block::coupling * static_cast<int>(sizeof(A)));
+        }
       observe<Stereo>(c, c.begin + i, c.count - i < N ? c.count - i : N, kernel, camera, T, R, H, b);
+    }
     if (c.free < 0) return;
     double* out = sums.partial + static_cast<std::ptrdiff_t>(group.first_partial + chunk) * block::partial;
     for (int i = 0; i < block::partial; ++i) out[i] = 0;

@@ -22,12 +22,12 @@ namespace turbomap {
 
 /// Options of adjust_poses(). Defaults are those of [ORB-SLAM3]'s tracking.
 struct motion_only_options {
-  int rounds = 4;              ///< after each, outliers are told anew from all observations
-  int iterations = 10;         ///< Levenberg-Marquardt steps tried in a round
-  int robust_rounds = 3;       ///< rounds with Huber's kernel; the last ones are plain least squares
-  double mono_chi2 = 5.991;    ///< outlier beyond it, and Huber's delta^2: 95 %, 2 dof
-  double stereo_chi2 = 7.815;  ///< 95 %, 3 dof
-  int min_observations = 3;    ///< fewer (or fewer inliers after a round): the pose stays as it was
+  int rounds = 4;                      ///< after each, outliers are told anew from all observations
+  int iterations = 10;                 ///< Levenberg-Marquardt steps tried in a round
+  int robust_rounds = 3;               ///< rounds with Huber's kernel; the last ones are plain least squares
+  double mono_chi2 = 5.991;            ///< outlier beyond it, and Huber's delta^2: 95 %, 2 dof
+  double stereo_chi2 = 7.815;          ///< 95 %, 3 dof
+  int min_observations = 3;            ///< fewer (or fewer inliers after a round): the pose stays as it was
   double initial_lambda_scale = 1e-5;  ///< of the largest diagonal element
 };
 
@@ -204,8 +204,8 @@ struct adjust_one_pose {
       double rho;
       const double chi2 = observe<false>(i, T, false, nullptr, nullptr, rho);
       const double depth = (c.T_camera_body * (T * point[i])).z;
-      const bool good = chi2 >= 0 && chi2 <= (stereo ? options.stereo_chi2 : options.mono_chi2) &&
-                        (depth > 0 || !c.straight);
+      const bool good =
+          chi2 >= 0 && chi2 <= (stereo ? options.stereo_chi2 : options.mono_chi2) && (depth > 0 || !c.straight);
       outlier[i] = good ? 0 : 1;
       inliers += good ? 1 : 0;
     }
@@ -220,7 +220,8 @@ class motion_only {
   using memory = memory_of_t<Policy>;
   explicit motion_only(const context<Policy>& ctx) : cameras_(ctx.resource()) {}
 
-  /// Adjusts the pose of every frame to its points: `rounds` times Levenberg-Marquardt on the inliers, after each of which
+  /// Adjusts the pose of every frame to its points: `rounds` times Levenberg-Marquardt on the inliers, after each of
+  /// which
   /// outliers are told anew [ORB-SLAM3]. Frames are independent: an index of the policy is a frame.
   /// \param result   one a frame   \param outlier  one an observation: 1 where it does not fit the final pose
   /// \throws std::invalid_argument  a size, an index or an option is wrong
@@ -236,9 +237,15 @@ class motion_only {
     cameras_.send(policy);
     auto* to = ctx.template scratch<posed_frame>(frames);
     auto* flags = ctx.template scratch<std::uint8_t>(n);
-    const adjust_one_pose<Camera> one{cameras_.data(),         resident(ctx, in.T_cw),  resident(ctx, in.begin),
-                                      resident(ctx, in.point), resident(ctx, in.pixel), resident(ctx, in.information),
-                                      resident(ctx, in.camera), options,                to,
+    const adjust_one_pose<Camera> one{cameras_.data(),
+                                      resident(ctx, in.T_cw),
+                                      resident(ctx, in.begin),
+                                      resident(ctx, in.point),
+                                      resident(ctx, in.pixel),
+                                      resident(ctx, in.information),
+                                      resident(ctx, in.camera),
+                                      options,
+                                      to,
                                       flags};
     for_each_index(policy, static_cast<int>(frames), one);
     result.resize(frames), outlier.resize(n);
@@ -271,7 +278,8 @@ class motion_only {
     require(in.pixel.size() == n, "pixel.size()", in.pixel.size(), "must be that of point");
     require(in.information.size() == n, "information.size()", in.information.size(), "must be that of point");
     for (const double x : in.information) require(!(x < 0), "information", x, "must not be negative");
-    require(in.camera.empty() || in.camera.size() == n, "camera.size()", in.camera.size(), "must be that of point, or 0");
+    require(in.camera.empty() || in.camera.size() == n, "camera.size()", in.camera.size(),
+            "must be that of point, or 0");
     for (const auto c : in.camera) require(c < in.rig.count, "camera", static_cast<int>(c), "is not in the rig");
     require(options.rounds >= 1, "options.rounds", options.rounds, "must be positive");
     require(options.iterations >= 1, "options.iterations", options.iterations, "must be positive");

@@ -13,7 +13,8 @@
 
 namespace turbomap {
 
-/// Which numbers an adjustment computes in. States, and the cost that decides about a step, are float64 in the first two.
+/// Which numbers an adjustment computes in. States, and the cost that decides about a step, are float64 in the first
+/// two.
 enum class precision : std::uint8_t {
   float64,
   mixed,   ///< residuals in float64, normal equations in float32, their reduced system factorised in float64
@@ -30,14 +31,14 @@ enum class reduced_solver : std::uint8_t {
 
 /// Options of adjust(). Defaults are those of [ORB-SLAM3]'s local adjustment where it has them.
 struct adjustment_options {
-  int max_iterations = 10;      ///< linearisations
-  int max_retries = 10;         ///< larger dampings tried on one linearisation (g2o)
-  double initial_lambda = 0;    ///< damping at the start; 0: initial_lambda_scale times the largest diagonal element
+  int max_iterations = 10;    ///< linearisations
+  int max_retries = 10;       ///< larger dampings tried on one linearisation (g2o)
+  double initial_lambda = 0;  ///< damping at the start; 0: initial_lambda_scale times the largest diagonal element
   double initial_lambda_scale = 1e-5;  ///< tau [Nielsen 1999; g2o]
   double min_relative_decrease = 0;    ///< an iteration that gains less (relative to the cost) is a slow one; 0: never
   int slow_iterations = 3;             ///< as many slow ones in a row end the adjustment [ORB-SLAM3: 1e-3, 3]
-  double min_predicted_decrease = 1e-14;  ///< ends where a step promises less than this times the cost
-  double time_budget_ms = 0;           ///< ends after the iteration that exceeds it; 0: no limit
+  double min_predicted_decrease = 1e-14;    ///< ends where a step promises less than this times the cost
+  double time_budget_ms = 0;                ///< ends after the iteration that exceeds it; 0: no limit
   const std::atomic<bool>* stop = nullptr;  ///< looked at between steps; honoured within one iteration
   precision numbers = precision::float64;
   reduced_solver solver = reduced_solver::automatic;
@@ -63,9 +64,9 @@ enum class adjustment_end : std::uint8_t {
 
 /// One linearisation with all its steps.
 struct adjustment_iteration {
-  double cost;    ///< at its end
-  double lambda;  ///< of its last step
-  int steps;      ///< tried; the last one was accepted unless the adjustment ended
+  double cost;            ///< at its end
+  double lambda;          ///< of its last step
+  int steps;              ///< tried; the last one was accepted unless the adjustment ended
   int linear_iterations;  ///< of conjugate gradients, all steps together
 };
 
@@ -83,15 +84,24 @@ struct adjustment_summary {
 /// The words of an adjustment_end, e.g. for a log.
 inline const char* to_string(adjustment_end end) {
   switch (end) {
-    case adjustment_end::max_iterations: return "the number of iterations was reached";
-    case adjustment_end::converged: return "converged";
-    case adjustment_end::no_descent: return "no step decreased the cost";
-    case adjustment_end::stopped: return "stopped by the caller";
-    case adjustment_end::time_budget: return "the time was used up";
-    case adjustment_end::no_observations: return "no observations";
-    case adjustment_end::nothing_free: return "nothing is free to move";
-    case adjustment_end::not_finite: return "the cost at the start is not finite";
-    case adjustment_end::singular: return "the reduced system is singular";
+    case adjustment_end::max_iterations:
+      return "the number of iterations was reached";
+    case adjustment_end::converged:
+      return "converged";
+    case adjustment_end::no_descent:
+      return "no step decreased the cost";
+    case adjustment_end::stopped:
+      return "stopped by the caller";
+    case adjustment_end::time_budget:
+      return "the time was used up";
+    case adjustment_end::no_observations:
+      return "no observations";
+    case adjustment_end::nothing_free:
+      return "nothing is free to move";
+    case adjustment_end::not_finite:
+      return "the cost at the start is not finite";
+    case adjustment_end::singular:
+      return "the reduced system is singular";
   }
   return "unknown";
 }

@@ -7,9 +7,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <tuple>
 #include <type_traits>
-#include <iterator>
 #include <utility>
 #include <vector>
 
@@ -45,15 +45,18 @@ struct prepare_poses {
   }
 };
 
-/// A problem and its current estimate. Make one per thread and use it for every adjustment: its memory is used again. Move-only.
+/// A problem and its current estimate. Make one per thread and use it for every adjustment: its memory is used again.
+/// Move-only.
 ///
-///     turbomap::bundle_problem<Policy, turbomap::pose_frame, turbomap::reprojections<turbomap::pinhole<double>>> problem(ctx);
+///     turbomap::bundle_problem<Policy, turbomap::pose_frame, turbomap::reprojections<turbomap::pinhole<double>>>
+///     problem(ctx);
 ///     problem.assign(ctx, {poses, fixed}, {points}, observations);
 ///     const auto summary = turbomap::adjust(ctx, problem, options);
 ///     problem.frames(ctx, poses), problem.landmarks(ctx, points);
 ///
 /// \tparam Frame   what a frame is: pose_frame, self_calibrated_frame or one's own (frames.hpp)
-/// \tparam Groups  reprojections, landmark_factors, frame_factors, frame_pair_factors, in any number and order (factors.hpp)
+/// \tparam Groups  reprojections, landmark_factors, frame_factors, frame_pair_factors, in any number and order
+/// (factors.hpp)
 template <class Policy, class Frame, class... Groups>
 class bundle_problem {
  public:
@@ -69,9 +72,11 @@ class bundle_problem {
   explicit bundle_problem(context<Policy>& ctx)
       : bundle_problem(ctx.resource(), std::index_sequence_for<Groups...>{}) {}
 
-  /// Takes a problem, in place of the one before. Indices of frames and landmarks are places in the two inputs; nothing of
+  /// Takes a problem, in place of the one before. Indices of frames and landmarks are places in the two inputs;
+  /// nothing of
   /// the inputs is kept. O(observations), and in adjust() once O(pairs of frames that see one landmark).
-  /// \throws std::invalid_argument  an index or a size is wrong; the problem is as it was. (std::bad_alloc: it is empty.)
+  /// \throws std::invalid_argument  an index or a size is wrong; the problem is as it was. (std::bad_alloc: it is
+  /// empty.)
   /// Numbers that are not finite are not refused here: adjust() then ends with adjustment_end::not_finite.
   void assign(context<Policy>& ctx, const frame_input<Frame>& frames, const landmark_input& landmarks,
               const Groups&... groups) {
@@ -106,7 +111,8 @@ class bundle_problem {
   int landmark_count() const { return structure_.landmarks; }
   int observation_count() const { return observations_; }
 
-  /// The current estimate of the frames, in the order of the input: to the bit what was given where adjust() accepted no step.
+  /// The current estimate of the frames, in the order of the input: to the bit what was given where adjust() accepted
+  /// no step.
   void frames(context<Policy>& ctx, std::vector<state>& result) const {
     result.resize(static_cast<std::size_t>(structure_.frames));
     copy_out(ctx.policy(), result.data(), states_[current_].data(), result.size() * sizeof(state));
@@ -122,8 +128,10 @@ class bundle_problem {
       result[l] = {staging_[4 * l], staging_[4 * l + 1], staging_[4 * l + 2]};
   }
 
-  /// chi2 (not robust) and depth (m, in its own camera) of every observation of a group of factors with landmarks, in the
-  /// order of its input, at the current estimate: what outliers are told by. Not defined: undefined_chi2 and a depth as it is
+  /// chi2 (not robust) and depth (m, in its own camera) of every observation of a group of factors with landmarks, in
+  /// the
+  /// order of its input, at the current estimate: what outliers are told by. Not defined: undefined_chi2 and a depth
+  /// as it is
   /// (0 for a user's own factors).
   template <std::size_t Group>
   void chi2(context<Policy>& ctx, std::vector<double>& chi2, std::vector<double>& depth) {
@@ -160,7 +168,10 @@ class bundle_problem {
   template <std::size_t... I>
   bundle_problem(std::pmr::memory_resource* r, std::index_sequence<I...>)
       : groups_(((void)I, r)...),
-        pairs_(r), neighbours_(r), landmark_fixed_(r), free_of_frame_(r),
+        pairs_(r),
+        neighbours_(r),
+        landmark_fixed_(r),
+        free_of_frame_(r),
         states_{array<state, memory>(r), array<state, memory>(r)},
         landmarks_{array<double, memory>(r), array<double, memory>(r)},
         poses_{array<isometry<double>, memory>(r), array<isometry<double>, memory>(r)} {
@@ -259,9 +270,10 @@ class bundle_problem {
 
   void send_lists(const Policy& policy) {
     const std::vector<std::int32_t>* lists[] = {
-        &structure_.landmark_row,  &structure_.landmark_slot, &structure_.slot_coupling, &structure_.slot_frame,
-        &structure_.slot_landmark, &structure_.frame_partial, &structure_.partial_list,  &structure_.frame_slot,
-        &structure_.slot_list,     &frame_factor_,            &frame_factor_list_,       &frame_pair_};
+        &structure_.landmark_row, &structure_.landmark_slot, &structure_.slot_coupling,
+        &structure_.slot_frame,   &structure_.slot_landmark, &structure_.frame_partial,
+        &structure_.partial_list, &structure_.frame_slot,    &structure_.slot_list,
+        &frame_factor_,           &frame_factor_list_,       &frame_pair_};
     for (std::size_t i = 0; i < std::size(lists); ++i) lists_[i].send_from(policy, lists[i]->data(), lists[i]->size());
     neighbours_.send(policy);
     free_of_frame_.send_from(policy, structure_.free_of_frame.data(), structure_.free_of_frame.size());

@@ -3,19 +3,24 @@
 #pragma once
 
 /// \file
-/// Residuals of reprojections and their derivatives by the point in the body's coordinates, lane by lane: what the built-in
-/// factor group computes. A pinhole is computed in packs, any other camera by its own functions, one lane after the other.
+/// Residuals of reprojections and their derivatives by the point in the body's coordinates, lane by lane: what the
+/// built-in
+/// factor group computes. A pinhole is computed in packs, any other camera by its own functions, one lane after the
+/// other.
 
 #include <cmath>
 #include <cstdint>
 
+#include "../camera/any_camera.hpp"
 #include "../camera/camera_concept.hpp"
+#include "../camera/kannala_brandt.hpp"
 #include "../camera/rig.hpp"
 #include "../config.hpp"
 #include "../math/dual.hpp"
 #include "../math/functions.hpp"
 #include "../math/linear.hpp"
 #include "../math/pack_convert.hpp"
+#include "../math/pack_functions.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -25,20 +30,41 @@ inline constexpr int host_lanes = TURBOMAP_VECTOR_BYTES > 0 ? 8 : 1;
 /// A landmark takes this many doubles: one aligned vector.
 inline constexpr int landmark_stride = 4;
 
+/// True, with the model in double, where a camera is of this model: it is computed in packs then.
+template <class Camera>
+bool as_kannala_brandt(const Camera&, kannala_brandt<double>&) {
+  return false;
+}
+template <class T>
+bool as_kannala_brandt(const kannala_brandt<T>& c, kannala_brandt<double>& model) {
+  model.fx = c.fx, model.fy = c.fy, model.cx = c.cx, model.cy = c.cy;
+  model.k1 = c.k1, model.k2 = c.k2, model.k3 = c.k3, model.k4 = c.k4;
+  return true;
+}
+template <class... Cameras>
+bool as_kannala_brandt(const any_camera<Cameras...>& c, kannala_brandt<double>& model) {
+  bool is = false;
+  c.visit([&](const auto& held) { is = as_kannala_brandt(held, model); });
+  return is;
+}
+
 /// A camera of the rig, prepared.
 template <class Camera>
 struct adjustment_camera {
   Camera camera;
   isometry<double> T_camera_body;
-  pinhole<double> K;  ///< where straight
+  pinhole<double> K;               ///< where straight
+  kannala_brandt<double> fisheye;  ///< where round
   double bf;
   bool straight;  ///< a pinhole: computed in packs
+  bool round;     ///< a Kannala-Brandt camera: the same
   bool is_body;   ///< T_camera_body is the identity
 
   adjustment_camera() = default;
   explicit adjustment_camera(const rig_camera<Camera>& c)
-      : camera(c.camera), T_camera_body(to_isometry<double>(c.T_camera_body)), K(), bf(c.bf) {
+      : camera(c.camera), T_camera_body(to_isometry<double>(c.T_camera_body)), K(), fisheye(), bf(c.bf) {
     straight = as_pinhole(c.camera, K);
+    round = as_kannala_brandt(c.camera, fisheye);
     const auto& T = c.T_camera_body;
     is_body = T.qx == 0 && T.qy == 0 && T.qz == 0 && T.tx == 0 && T.ty == 0 && T.tz == 0;
   }
@@ -85,7 +111,7 @@ struct lane_reprojection {
     pack<G, N> z = p.z;
     if (c.straight)
       straight<Derivative>(c, p, measured, z);
-    else
+    else if (!c.round || N == 1 || !round<Derivative>(c.fisheye, p, measured))
       curved<Derivative>(c, p, measured, z);
     if constexpr (Stereo) {  // u_right = u - bf / z
       const pack<G, N> iz = pack<G, N>(G(1)) / z, disparity = pack<G, N>(static_cast<G>(c.bf)) * iz;
@@ -130,6 +156,40 @@ struct lane_reprojection {
     }
   }
 
+  /// The formulas of kannala_brandt. False, where a lane is on the optical axis or may be beyond a fold of the
+  /// polynomial:
+  /// then all are left to the camera's own functions.
+  template <bool Derivative>
+  TURBOMAP_HD bool round(const kannala_brandt<double>& c, const vec3<pack<G, N>>& p, const vec3<pack<G, N>>& measured) {
+    using P = pack<G, N>;
+    const G k[4] = {static_cast<G>(c.k1), static_cast<G>(c.k2), static_cast<G>(c.k3), static_cast<G>(c.k4)};
+    const P one(G(1)), zero(G(0)), r2 = p.x * p.x + p.y * p.y, z2 = p.z * p.z;
+    const P r = sqrt(r2), angle = polar_angle(r, p.z), q = angle * angle;
+    P factor = P(k[3]), slope = P(G(9) * k[3]), least = P(G(9) * (k[3] < 0 ? k[3] : 0));
+    for (int i = 2; i >= 0; --i) {
+      factor = multiply_add(factor, q, P(k[i]));
+      slope = multiply_add(slope, q, P(G(2 * i + 3) * k[i]));
+      least = multiply_add(least, q, P(G(2 * i + 3) * (k[i] < 0 ? k[i] : 0)));
+    }
+    factor = multiply_add(factor, q, one), slope = multiply_add(slope, q, one), least = multiply_add(least, q, one);
+    const P doubtful = select_greater(least, zero, select_greater(r2, P(G(1e-6)) * z2, zero, one), one);
+    if (sum(doubtful) > 0) return false;
+    const P scale = angle * factor / r;
+    e[0] = multiply_add(P(static_cast<G>(c.fx)) * scale, p.x, P(static_cast<G>(c.cx))) - measured.x;
+    e[1] = multiply_add(P(static_cast<G>(c.fy)) * scale, p.y, P(static_cast<G>(c.cy))) - measured.y;
+    defined = one;
+    if constexpr (Derivative) {
+      using Q = pack<A, N>;
+      const P along = slope / (r2 + z2), curve = (along * p.z - scale) / r2;
+      const Q x = convert<A>(p.x), y = convert<A>(p.y), a = convert<A>(along), b = convert<A>(curve),
+              s = convert<A>(scale);
+      const Q fx(static_cast<A>(c.fx)), fy(static_cast<A>(c.fy)), xy = x * y * b;
+      d[0][0] = fx * (s + x * x * b), d[0][1] = fx * xy, d[0][2] = -(fx * (x * a));
+      d[1][0] = fy * xy, d[1][1] = fy * (s + y * y * b), d[1][2] = -(fy * (y * a));
+    }
+    return true;
+  }
+
   template <bool Derivative, class Camera>
   TURBOMAP_HD void curved(const adjustment_camera<Camera>& c, const vec3<pack<G, N>>& p,
                           const vec3<pack<G, N>>& measured, pack<G, N>& z) {
@@ -146,7 +206,8 @@ struct lane_reprojection {
       else
         good = c.camera.project(q, pixel);
       ok[l] = good ? G(1) : G(0);
-      u[l] = static_cast<G>(pixel.x - static_cast<double>(u[l])), v[l] = static_cast<G>(pixel.y - static_cast<double>(v[l]));
+      u[l] = static_cast<G>(pixel.x - static_cast<double>(u[l])),
+      v[l] = static_cast<G>(pixel.y - static_cast<double>(v[l]));
       if (!good || depth[l] == G(0)) depth[l] = G(1);  // used where there is a right image only
       if constexpr (Derivative)
         for (int k = 0; k < 6; ++k) slope[k][l] = static_cast<A>(D.m[k]);

@@ -95,8 +95,8 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Policy> {
     const std::size_t n = s.source.size();
     for (auto* a : {&u_, &v_, &u_right_, &information_}) a->host().resize(n);
     for (const auto& c : s.chunks)
-      for (int i = c.begin; i < c.begin + (c.count + observation_padding - 1) / observation_padding * observation_padding;
-           ++i) {
+      for (int i = c.begin;
+           i < c.begin + (c.count + observation_padding - 1) / observation_padding * observation_padding; ++i) {
         const auto e = static_cast<std::size_t>(i), o = static_cast<std::size_t>(s.source[e]);
         u_.host()[e] = g.pixel[o].x, v_.host()[e] = g.pixel[o].y;
         u_right_.host()[e] = c.kind % 2 == 1 ? g.pixel[o].z : 0;
@@ -112,9 +112,9 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Policy> {
 
   template <class G, class A, class State>
   void linearise(const Policy& policy, const State& x, const landmark_sums<A>& sums, double*, double*) const {
-    for_each_index(policy, chunk_count_,
-                   linearise_reprojections<Camera, Kernel, G, A, lanes, Frame::landmark_dof>{view(), x.poses, x.landmarks,
-                                                                                             sums});
+    for_each_index(
+        policy, chunk_count_,
+        linearise_reprojections<Camera, Kernel, G, A, lanes, Frame::landmark_dof>{view(), x.poses, x.landmarks, sums});
   }
   template <class G, class State>
   void cost(const Policy& policy, const State& x, double* cost, double* undefined) const {
@@ -130,9 +130,9 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Policy> {
 
  private:
   reprojection_view<Camera, Kernel> view() const {
-    return {chunks_.data(), cameras_.data(),     landmark_.data(), row_.data(), coupling_.data(), u_.data(),
-            v_.data(),      u_right_.data(),     information_.data(), kernel_[0], kernel_[1],     undefined_chi2_,
-            place_.first_partial};
+    return {chunks_.data(), cameras_.data(), landmark_.data(),    row_.data(),         coupling_.data(),
+            u_.data(),      v_.data(),       u_right_.data(),     information_.data(), kernel_[0],
+            kernel_[1],     undefined_chi2_, place_.first_partial};
   }
 
   uploaded<adjustment_camera<Camera>, memory> cameras_;
@@ -203,8 +203,9 @@ class resident_group<landmark_factors<Factor, Kernel>, Frame, Policy> {
   template <class State>
   void evaluate(const Policy& policy, const State& x, double* cost, double* undefined, double* chi2) const {
     if (chunk_count_ == 0) return;
-    for_each_index(policy, chunk_count_,
-                   cost_of_landmark_factors<Frame, Factor, Kernel>{view(), x.states, x.landmarks, cost, undefined, chi2});
+    for_each_index(
+        policy, chunk_count_,
+        cost_of_landmark_factors<Frame, Factor, Kernel>{view(), x.states, x.landmarks, cost, undefined, chi2});
   }
   landmark_factor_view<Factor, Kernel> view() const {
     const group_type& g = group_.front();
@@ -215,7 +216,8 @@ class resident_group<landmark_factors<Factor, Kernel>, Frame, Policy> {
   uploaded<observation_chunk, memory> chunks_;
   uploaded<std::int32_t, memory> landmark_, row_, coupling_;
   uploaded<typename Factor::row, memory> rows_;
-  std::vector<group_type> group_;  ///< one, once assigned: a factor need not be default-constructible. Its views are not used
+  /// one, once assigned: a factor need not be default-constructible. Its views are not used
+  std::vector<group_type> group_;
   detail::group_place place_{};
   int chunk_count_ = 0, count_ = 0;
 };
@@ -279,8 +281,9 @@ class resident_frame_group {
  private:
   frame_factor_view<factor, kernel> view() const {
     const Group& g = group_.front();
-    return {first_.data(),      Pair ? second_.data() : nullptr, rows_.data(), g.factor, g.kernel, g.undefined_chi2,
-            place_.first_cost, place_.first_factor_partial,     place_.first_square};
+    return {
+        first_.data(),     Pair ? second_.data() : nullptr, rows_.data(),       g.factor, g.kernel, g.undefined_chi2,
+        place_.first_cost, place_.first_factor_partial,     place_.first_square};
   }
 
   uploaded<std::int32_t, memory> first_, second_;

@@ -3,7 +3,8 @@
 #pragma once
 
 /// \file
-/// Function objects of the Schur complement: sums of the frames, elimination of the landmarks, the reduced system block by
+/// Function objects of the Schur complement: sums of the frames, elimination of the landmarks, the reduced system
+/// block by
 /// block, back-substitution. Each index gathers its own sum from a fixed list; nothing is scattered.
 
 #include <cmath>
@@ -29,7 +30,9 @@ struct eliminated_landmark {
 
 /// Lanes that hold a column of V numbers; what is beyond V is read but means nothing.
 template <int V>
-inline constexpr int column_lanes = TURBOMAP_VECTOR_BYTES == 0 ? V : (V + 3) / 4 * 4 == 4 ? 4 : (V + 7) / 8 * 8;
+inline constexpr int column_lanes = TURBOMAP_VECTOR_BYTES == 0 ? V
+                                    : (V + 3) / 4 * 4 == 4     ? 4
+                                                               : (V + 7) / 8 * 8;
 
 /// Views of the lists of adjustment_structure and of the sums, where the policy computes.
 template <class A>
@@ -42,15 +45,15 @@ struct schur_view {
   const std::int32_t *block_row, *block_column, *block_pair, *block_factor, *factor_list;
   const slot_pair* pairs;
   const std::uint8_t* landmark_fixed;  ///< null: none
-  const double* chunk_partial;   ///< landmark_block<V>::partial a chunk
-  const double* factor_partial;  ///< frame_block<D>::partial a factor's frame
+  const double* chunk_partial;         ///< landmark_block<V>::partial a chunk
+  const double* factor_partial;        ///< frame_block<D>::partial a factor's frame
   const double* factor_square;
   const A* row;
   const A* coupling;
-  A* eliminated;                 ///< [slot] Z = coupling L^-T, as couplings
+  A* eliminated;  ///< [slot] Z = coupling L^-T, as couplings
   eliminated_landmark* landmark;
-  double* H;                     ///< [free frame] lower triangle
-  double* b;                     ///< [free frame]
+  double* H;  ///< [free frame] lower triangle
+  double* b;  ///< [free frame]
   int free_frames, blocks;
 };
 
@@ -140,17 +143,18 @@ struct eliminate_landmarks {
         const A* coupling = s.coupling + static_cast<std::ptrdiff_t>(k) * 3 * V;
         for (int m = 0; m < 3; ++m) w[m] = w[m] + P::load(coupling + m * V);
       }
-      // Stored from the last column back: what a store leaves beyond its column is overwritten by nothing else.
+      // What a column's store leaves beyond it, the next column overwrites; the last one must not reach the next slot.
       A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
       const P z0 = w[0] * inverse[0], z1 = multiply_add(w[0], inverse[1], w[1] * inverse[2]);
       const P z2 = multiply_add(w[0], inverse[3], multiply_add(w[1], inverse[4], w[2] * inverse[5]));
-      store_column(z, z0);
-      store_column(z + V, z1);
+      z0.store(z);
+      z1.store(z + V);
       store_column(z + 2 * V, z2);
     }
   }
 
  private:
+  static_assert(column_lanes<V> <= 2 * V);
   /// V numbers and none more: the next slot may be another thread's.
   TURBOMAP_HD static void store_column(A* to, const pack<A, column_lanes<V>>& column) {
     A lanes[column_lanes<V>];
@@ -174,7 +178,8 @@ struct eliminate_landmarks {
   }
 };
 
-/// Where the blocks of the reduced matrix go: row-major, the upper triangle of blocks. In a dense matrix of leading dimension
+/// Where the blocks of the reduced matrix go: row-major, the upper triangle of blocks. In a dense matrix of leading
+/// dimension
 /// `stride`, or one after the other (diagonal ones first).
 struct reduced_layout {
   double* S;
@@ -184,11 +189,13 @@ struct reduced_layout {
 
   TURBOMAP_HD double* block(int index, int row, int column, int free_frames, int D) const {
     if (dense) return S + static_cast<std::ptrdiff_t>(row) * D * stride + column * D;
-    return S + (row == column ? static_cast<std::ptrdiff_t>(row) : static_cast<std::ptrdiff_t>(free_frames) + index) * D * D;
+    return S + (row == column ? static_cast<std::ptrdiff_t>(row) : static_cast<std::ptrdiff_t>(free_frames) + index) *
+                   D * D;
   }
 };
 
-/// Index below free_frames: a diagonal block and its right hand side; above: one of the other blocks. Indices are mixed, so
+/// Index below free_frames: a diagonal block and its right hand side; above: one of the other blocks. Indices are
+/// mixed, so
 /// that neighbours (which one thread takes) are of all sizes.
 template <class A, int V, int D>
 struct reduce_blocks {
@@ -198,6 +205,8 @@ struct reduce_blocks {
   int count, step;
 
   static constexpr int n = column_lanes<V>;
+  static constexpr int ahead = 8;  ///< entries of a list between asking for memory and reading it
+  static constexpr int row_bytes = 3 * V * static_cast<int>(sizeof(A));
   using P = pack<A, n>;
 
   TURBOMAP_HD void operator()(int i) const {
@@ -212,8 +221,11 @@ struct reduce_blocks {
   TURBOMAP_HD void diagonal(int f) const {
     P sum[V], right(A(0));
     for (int r = 0; r < V; ++r) sum[r] = P(A(0));
-    for (int k = s.frame_slot[f]; k < s.frame_slot[f + 1]; ++k) {
-      const int slot = s.slot_list[k];
+    const int last = s.frame_slot[f + 1] - 1;
+    for (int k = s.frame_slot[f]; k <= last; ++k) {
+      const int slot = s.slot_list[k], later = s.slot_list[k + ahead < last ? k + ahead : last];
+      prefetch(s.eliminated + static_cast<std::ptrdiff_t>(later) * 3 * V, row_bytes);
+      prefetch(s.landmark[s.slot_landmark[later]].c, 24);
       const A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
       const eliminated_landmark& e = s.landmark[s.slot_landmark[slot]];
       for (int m = 0; m < 3; ++m) {
@@ -243,7 +255,11 @@ struct reduce_blocks {
   TURBOMAP_HD void other(int b) const {
     P sum[V];
     for (int r = 0; r < V; ++r) sum[r] = P(A(0));
-    for (int k = s.block_pair[b]; k < s.block_pair[b + 1]; ++k) {
+    const int last = s.block_pair[b + 1] - 1;
+    for (int k = s.block_pair[b]; k <= last; ++k) {
+      const slot_pair& later = s.pairs[k + ahead < last ? k + ahead : last];
+      prefetch(s.eliminated + static_cast<std::ptrdiff_t>(later.first) * 3 * V, row_bytes);
+      prefetch(s.eliminated + static_cast<std::ptrdiff_t>(later.second) * 3 * V, row_bytes);
       const A* first = s.eliminated + static_cast<std::ptrdiff_t>(s.pairs[k].first) * 3 * V;
       const A* second = s.eliminated + static_cast<std::ptrdiff_t>(s.pairs[k].second) * 3 * V;
       for (int m = 0; m < 3; ++m) {

@@ -3,8 +3,10 @@
 #pragma once
 
 /// \file
-/// The structure of a problem, made once on the host: in which order observations are computed, and fixed lists of what is
-/// summed into what. Every sum of an adjustment follows such a list, so its bits depend neither on the number of threads
+/// The structure of a problem, made once on the host: in which order observations are computed, and fixed lists of
+/// what is
+/// summed into what. Every sum of an adjustment follows such a list, so its bits depend neither on the number of
+/// threads
 /// nor on the order they run in.
 
 #include <algorithm>
@@ -56,31 +58,34 @@ struct group_structure {
   std::vector<std::int32_t> source;    ///< [entry] row of the caller; padding repeats the last one
   std::vector<std::int32_t> landmark;  ///< [entry]
   std::vector<std::int32_t> row;       ///< [entry] place in the order by landmark
-  std::vector<std::int32_t> coupling;  ///< [entry] place among the couplings of free frames with landmarks; -1: fixed frame
+  /// [entry] place among the couplings of free frames with landmarks; -1: fixed frame
+  std::vector<std::int32_t> coupling;
 };
 
-/// A **row** is an observation in the order (landmark, frame); a **coupling** a row of a free frame; a **slot** all couplings
-/// of one frame with one landmark (a rig may see it twice); a **block** two free frames that share a landmark or a factor.
+/// A **row** is an observation in the order (landmark, frame); a **coupling** a row of a free frame; a **slot** all
+/// couplings
+/// of one frame with one landmark (a rig may see it twice); a **block** two free frames that share a landmark or a
+/// factor.
 struct adjustment_structure {
   int frames = 0, landmarks = 0, free_frames = 0;
-  int partials = 0;                                 ///< chunks of all groups, in order: each gives one partial sum
-  std::vector<std::int32_t> free_of_frame;          ///< [frame] -1: fixed
+  int partials = 0;                         ///< chunks of all groups, in order: each gives one partial sum
+  std::vector<std::int32_t> free_of_frame;  ///< [frame] -1: fixed
   std::vector<std::int32_t> frame_of_free;
   std::vector<group_structure> groups;
-  std::vector<std::int32_t> landmark_row;           ///< [landmark + 1]
-  std::vector<std::int32_t> landmark_slot;          ///< [landmark + 1]
-  std::vector<std::int32_t> slot_coupling;          ///< [slot + 1]
-  std::vector<std::int32_t> slot_frame;             ///< [slot] free frame
-  std::vector<std::int32_t> slot_landmark;          ///< [slot]
-  std::vector<std::int32_t> frame_partial;          ///< [free frame + 1] into partial_list
-  std::vector<std::int32_t> partial_list;           ///< chunks of a frame
-  std::vector<std::int32_t> frame_slot;             ///< [free frame + 1] into slot_list
-  std::vector<std::int32_t> slot_list;              ///< slots of a frame
+  std::vector<std::int32_t> landmark_row;             ///< [landmark + 1]
+  std::vector<std::int32_t> landmark_slot;            ///< [landmark + 1]
+  std::vector<std::int32_t> slot_coupling;            ///< [slot + 1]
+  std::vector<std::int32_t> slot_frame;               ///< [slot] free frame
+  std::vector<std::int32_t> slot_landmark;            ///< [slot]
+  std::vector<std::int32_t> frame_partial;            ///< [free frame + 1] into partial_list
+  std::vector<std::int32_t> partial_list;             ///< chunks of a frame
+  std::vector<std::int32_t> frame_slot;               ///< [free frame + 1] into slot_list
+  std::vector<std::int32_t> slot_list;                ///< slots of a frame
   std::vector<std::int32_t> block_row, block_column;  ///< [block] free frames, row < column, in (row, column) order
-  std::vector<std::int32_t> block_pair;             ///< [block + 1] into pairs
+  std::vector<std::int32_t> block_pair;               ///< [block + 1] into pairs
   std::vector<slot_pair> pairs;
-  std::vector<std::int32_t> block_factor;           ///< [block + 1] into factor_list
-  std::vector<std::int32_t> factor_list;            ///< 2 * factor between frames + (its first frame is the column)
+  std::vector<std::int32_t> block_factor;  ///< [block + 1] into factor_list
+  std::vector<std::int32_t> factor_list;   ///< 2 * factor between frames + (its first frame is the column)
 
   std::size_t rows() const { return landmark_row.empty() ? 0 : static_cast<std::size_t>(landmark_row.back()); }
   std::size_t couplings() const { return slot_coupling.empty() ? 0 : static_cast<std::size_t>(slot_coupling.back()); }
@@ -104,7 +109,8 @@ class structure_builder {
     s.block_pair.assign(1, 0), s.block_factor.assign(1, 0);
   }
 
-  /// The blocks: for each free frame the later ones that share a landmark or a factor with it. Not needed by solvers that
+  /// The blocks: for each free frame the later ones that share a landmark or a factor with it. Not needed by solvers
+  /// that
   /// never form the reduced matrix. O(pairs).
   void find_blocks(span<const frame_pair_input> pair_groups, adjustment_structure& s) {
     factor_row_.clear(), factor_code_.clear(), factor_column_.clear();
@@ -177,7 +183,8 @@ class structure_builder {
       }
     s.free_frames = static_cast<int>(s.frame_of_free.size());
     std::int32_t next = s.free_frames;
-    for (std::int32_t f = 0; f < s.frames; ++f) key_[at(f)] = s.free_of_frame[at(f)] < 0 ? next++ : s.free_of_frame[at(f)];
+    for (std::int32_t f = 0; f < s.frames; ++f)
+      key_[at(f)] = s.free_of_frame[at(f)] < 0 ? next++ : s.free_of_frame[at(f)];
   }
 
   /// Sorts all observations by (landmark, frame), free frames first: two stable counting sorts.
@@ -219,7 +226,8 @@ class structure_builder {
     s.slot_coupling.push_back(couplings);
   }
 
-  /// Sorts each group's observations by (frame, kind), which leaves them in the order of their landmarks, and cuts chunks.
+  /// Sorts each group's observations by (frame, kind), which leaves them in the order of their landmarks, and cuts
+  /// chunks.
   void order_entries(span<const landmark_group_input> groups, int chunk, adjustment_structure& s) {
     const std::size_t n = order_.size();
     coupling_of_row_.assign(n, -1);

@@ -51,8 +51,8 @@ inline rigid_transform<double> bal_pose(const bal_camera& camera) {
   return {s * w.x, s * w.y, s * w.z, std::cos(angle / 2), t.x, t.y, t.z};
 }
 
-/// Reads a problem. Throws bad_file naming file, line and reason: a number that is none or not finite, an index outside its
-/// array, fewer or more numbers than the first line says. Linear in the size of the file.
+/// Reads a problem. Throws bad_file naming file, line and reason: a number that is none or not finite, an index outside
+/// its array, fewer or more numbers than the first line says. Linear in the size of the file.
 inline bal_problem read_bal(const std::filesystem::path& file) {
   detail::text_reader in(file);
   const auto count = [&](const char* what) {

@@ -23,8 +23,8 @@ inline bal_camera bal_camera_of(const self_calibrated_state<double>& x) {
   return {{s * T.qx, s * T.qy, s * T.qz}, {T.tx, T.ty, T.tz}, x.f, x.k1, x.k2};
 }
 
-/// Reprojection in a camera with its own lens (bal.hpp has the formula), sigma 1 px. Defined everywhere but in the focal
-/// plane.
+/// Reprojection in a camera with its own lens (bal.hpp has the formula), sigma 1 px. Defined everywhere but in the
+/// focal plane.
 struct bal_reprojection {
   static constexpr int size = 2;
   using row = vec2<double>;  ///< the measured pixel

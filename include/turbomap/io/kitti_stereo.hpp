@@ -26,8 +26,8 @@
 
 namespace turbomap {
 
-/// A sequence: frames in the order of the pose file, the first one fixed; landmarks in the order in which they are first
-/// seen, placed where that first frame saw them. All observations are stereo, of sigma 1 px.
+/// A sequence: frames in the order of the pose file, the first one fixed; landmarks in the order in which they are
+/// first seen, placed where that first frame saw them. All observations are stereo, of sigma 1 px.
 struct kitti_stereo_problem {
   mono_rig<pinhole<double>> rig;
   reprojection_data data;
@@ -92,8 +92,8 @@ inline rigid_transform<double> read_kitti_pose(text_reader& in) {
 
 }  // namespace detail
 
-/// Reads a sequence from its three files. Throws bad_file naming file, line and reason, also for an observation of a frame
-/// without pose, a frame or an observation that comes twice, and a landmark that is first seen behind its camera.
+/// Reads a sequence from its three files. Throws bad_file naming file, line and reason, also for an observation of a
+/// frame without pose, a frame or an observation that comes twice, and a landmark that is first seen behind its camera.
 inline kitti_stereo_problem read_kitti_stereo(const std::filesystem::path& calibration,
                                               const std::filesystem::path& poses,
                                               const std::filesystem::path& factors) {

@@ -142,8 +142,8 @@ inline void read_adjusted_observations(const snapshot_source& from, adjustment_s
 
 }  // namespace detail
 
-/// Reads and validates the adjustment of an iteration of the recording in `directory`; nothing when there was none. Throws
-/// bad_file naming file, array and reason.
+/// Reads and validates the adjustment of an iteration of the recording in `directory`; nothing when there was none.
+/// Throws bad_file naming file, array and reason.
 inline std::optional<adjustment_snapshot> read_adjustment_snapshot(const recording& r,
                                                                    const std::filesystem::path& directory,
                                                                    std::int32_t iteration) {

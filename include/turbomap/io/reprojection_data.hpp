@@ -13,7 +13,8 @@
 
 namespace turbomap {
 
-/// Frames, landmarks, and which frame saw which landmark where. Every index is inside its array, every number that means something finite.
+/// Frames, landmarks, and which frame saw which landmark where. Every index is inside its array, every number that
+/// means something finite.
 struct reprojection_data {
   std::vector<rigid_transform<double>> T_cw;  ///< poses of the frames (of the rig's body)
   std::vector<std::uint8_t> fixed;            ///< one a frame; 1: it does not move

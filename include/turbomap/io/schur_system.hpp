@@ -3,11 +3,11 @@
 #pragma once
 
 /// \file
-/// Reads a recorded linear system of bundle adjustment with the Schur complement and the solution that belong to it: golden
-/// data for the elimination of landmarks. A folder of text files:
+/// Reads a recorded linear system of bundle adjustment with the Schur complement and the solution that belong to it:
+/// golden data for the elimination of landmarks. A folder of text files:
 ///
-///     hpp hll hschur hpl .txt    first line: offsets of the block rows, second line: of the block columns, each beginning
-///                                with 0; then "row column" and the values of one block after the other, column-major
+///     hpp hll hschur hpl .txt    first line: offsets of the block rows, second line: of the block columns, from 0;
+///                                then "row column" and the values of one block after the other, column-major
 ///     bp bl bschur xp xl .txt    vectors
 ///
 /// hpp, hll and hschur are symmetric: blocks of the upper triangle are given.
@@ -37,8 +37,8 @@ struct block_matrix {
   int width(std::size_t k) const { return size_at(column_offset, column[k]); }
   const double* block(std::size_t k) const { return values.data() + value_offset[k]; }
 
-  /// Row-major, rows() x columns(). `symmetric`: the strict lower triangle mirrors the upper one, inside of diagonal blocks
-  /// as well (recorded ones are symmetric to rounding only, which matters where the matrix nearly is singular).
+  /// Row-major, rows() x columns(). `symmetric`: the strict lower triangle mirrors the upper one, inside of diagonal
+  /// blocks as well (recorded ones are symmetric to rounding only, which matters where the matrix nearly is singular).
   std::vector<double> dense(bool symmetric) const {
     const auto n = static_cast<std::size_t>(columns());
     std::vector<double> full(static_cast<std::size_t>(rows()) * n, 0.0);
@@ -60,7 +60,8 @@ struct block_matrix {
   }
 };
 
-/// H = [Hpp Hpl; Hpl' Hll], b = [bp; bl]; Hschur xp = bschur is what remains of H x = b when the landmarks are eliminated.
+/// H = [Hpp Hpl; Hpl' Hll], b = [bp; bl]; Hschur xp = bschur is what remains of H x = b when the landmarks are
+/// eliminated.
 struct schur_system {
   block_matrix hpp, hpl, hll, hschur;
   std::vector<double> bp, bl, bschur, xp, xl;
@@ -125,8 +126,8 @@ inline std::vector<double> read_vector(const std::filesystem::path& file, int si
 
 }  // namespace detail
 
-/// Reads a system from its folder. Throws bad_file naming file, line and reason, also for matrices and vectors whose sizes do
-/// not go together.
+/// Reads a system from its folder. Throws bad_file naming file, line and reason, also for matrices and vectors whose
+/// sizes do not go together.
 inline schur_system read_schur_system(const std::filesystem::path& folder) {
   schur_system s;
   s.hpp = detail::read_block_matrix(folder / "hpp.txt", true);

@@ -5,9 +5,11 @@
 /// \file
 /// Reads a synthetic local bundle adjustment: a folder of .npy arrays
 ///
-///     Tcw, Tcw_true f8[K,7]  pt, pt_true f8[P,3]  kf_fixed u1[K]  e_kf, e_pt i4[E]  e_obs f8[E,3]  e_invsigma2 f8[E]  e_type u1[E]
+///     Tcw, Tcw_true f8[K,7]   pt, pt_true f8[P,3]   kf_fixed u1[K]
+///     e_kf, e_pt i4[E]   e_obs f8[E,3]   e_invsigma2 f8[E]   e_type u1[E]
 ///
-/// (poses qx qy qz qw tx ty tz; e_obs u, v, u_right; e_type 0: mono, the last one means nothing, 1: stereo). `*_true` may be left out.
+/// (poses qx qy qz qw tx ty tz; e_obs u, v, u_right; e_type 0: mono, the last one means nothing, 1: stereo). `*_true`
+/// may be left out.
 
 #include <cmath>
 #include <cstdint>

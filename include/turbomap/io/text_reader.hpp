@@ -39,7 +39,7 @@ class text_reader {
     skip_space(true);
     if (at_ == text_.size()) fail(std::string("the file ends before ") + what);
     const char *begin = text_.data() + at_, *end = text_.data() + word_end();
-    if (*begin == '+' && end - begin > 1) ++begin;
+    if (*begin == '+') ++begin;
     T value{};
     const auto [rest, error] = std::from_chars(begin, end, value);
     bool good = error == std::errc() && rest == end;
@@ -60,7 +60,8 @@ class text_reader {
     skip_space(true);
     return at_ == text_.size();
   }
-  /// Characters that are left: no more than half as many numbers follow, so counts can be checked before they are trusted.
+  /// Characters that are left: no more than half as many numbers follow, so counts can be checked before they are
+  /// trusted.
   std::size_t left() const { return text_.size() - at_; }
 
   [[noreturn]] void fail(const std::string& reason) const {

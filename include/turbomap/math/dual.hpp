@@ -3,7 +3,8 @@
 #pragma once
 
 /// \file
-/// Forward-mode dual numbers: a value and its derivatives by N unknowns, through any function template. What derivatives of
+/// Forward-mode dual numbers: a value and its derivatives by N unknowns, through any function template. What
+/// derivatives of
 /// a user's own residual, and of camera models without a jacobian(), are made with.
 
 #include <cmath>

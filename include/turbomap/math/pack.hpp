@@ -3,8 +3,10 @@
 #pragma once
 
 /// \file
-/// `pack<T, N>`: N numbers that are computed with at once, lane by lane. A function template written for a scalar runs on
-/// packs as it is, as long as it does not branch on values: larger() and select_greater() do that, for scalars too. Made of
+/// `pack<T, N>`: N numbers that are computed with at once, lane by lane. A function template written for a scalar runs
+/// on
+/// packs as it is, as long as it does not branch on values: larger() and select_greater() do that, for scalars too.
+/// Made of
 /// the compiler's vectors where it has some, else of a plain array; the results are the same.
 
 #include <cmath>
@@ -49,11 +51,11 @@ struct native_vector<double, 32> {
 #endif
 
 template <class T, int N>
-inline constexpr bool is_native =
-    N * static_cast<int>(sizeof(T)) == 16 ? TURBOMAP_VECTOR_BYTES >= 16
-                                           : N * static_cast<int>(sizeof(T)) == 32 && TURBOMAP_VECTOR_BYTES >= 32;
+inline constexpr bool is_native = N* static_cast<int>(sizeof(T)) == 16
+                                      ? TURBOMAP_VECTOR_BYTES >= 16
+                                      : N* static_cast<int>(sizeof(T)) == 32 && TURBOMAP_VECTOR_BYTES >= 32;
 template <class T, int N>
-inline constexpr bool is_split = N * static_cast<int>(sizeof(T)) > 16 && TURBOMAP_VECTOR_BYTES > 0 && !is_native<T, N>;
+inline constexpr bool is_split = N* static_cast<int>(sizeof(T)) > 16 && TURBOMAP_VECTOR_BYTES > 0 && !is_native<T, N>;
 
 #if TURBOMAP_X86_VECTORS
 inline __m128 vector_sqrt(__m128 v) { return _mm_sqrt_ps(v); }
@@ -86,6 +88,16 @@ V vector_fma(V a, V b, V c) {
 #endif
 
 }  // namespace detail
+
+/// Asks for a piece of memory that is read soon: lists lead to it, which no processor foresees. Never wrong, only
+/// useless.
+TURBOMAP_HD inline void prefetch(const void* at, int bytes) {
+#if TURBOMAP_VECTOR_BYTES > 0
+  for (int i = 0; i < bytes; i += 64) __builtin_prefetch(static_cast<const char*>(at) + i);
+#else
+  (void)at, (void)bytes;
+#endif
+}
 
 /// N numbers of T. This one: a plain array; the only one that a device knows.
 template <class T, int N, class = void>
@@ -160,7 +172,7 @@ struct pack {
 /// One vector of the compiler's.
 template <class T, int N>
 struct pack<T, N, std::enable_if_t<detail::is_native<T, N>>> {
-  using native = detail::native_vector<T, N * static_cast<int>(sizeof(T))>;
+  using native = detail::native_vector<T, N* static_cast<int>(sizeof(T))>;
   using vector = typename native::type;
   static constexpr int lanes = N;
   vector v;

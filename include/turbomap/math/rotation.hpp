@@ -3,7 +3,8 @@
 #pragma once
 
 /// \file
-/// Rotations as quaternions: exponential of a step, product, normalisation; for double and for dual numbers at a step of
+/// Rotations as quaternions: exponential of a step, product, normalisation; for double and for dual numbers at a step
+/// of
 /// zero (no branch divides by an angle of zero).
 
 #include <cmath>
@@ -27,7 +28,8 @@ TURBOMAP_HD rigid_transform<S> normalised(const rigid_transform<S>& T) {
   return r;
 }
 
-/// sin(t)/t, (1 - cos t)/t^2, (t - sin t)/t^3, sin(t/2)/t and cos(t/2) as functions of t^2: series below 0.01, where the first
+/// sin(t)/t, (1 - cos t)/t^2, (t - sin t)/t^3, sin(t/2)/t and cos(t/2) as functions of t^2: series below 0.01, where
+/// the first
 /// terms left out are under 1e-17.
 template <class S>
 struct rotation_coefficients {
@@ -52,7 +54,8 @@ struct rotation_coefficients {
   }
 };
 
-/// exp(omega, v) T: the exponential of the rigid motions, its rotation vector first, applied on the left. The quaternion of
+/// exp(omega, v) T: the exponential of the rigid motions, its rotation vector first, applied on the left. The
+/// quaternion of
 /// the result is of unit length.
 /// \param step  omega (rad) x y z, v (m) x y z
 template <class S>
