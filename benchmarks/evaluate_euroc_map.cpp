@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// turbomap-evaluate-euroc-map: recall, precision and accuracy of search and creation on a real map (.kfm) with known poses.
+/// turbomap-evaluate-euroc-map: recall, precision and accuracy of search and creation, and what duplicate search and fusion find
+/// and do, on a real map (.kfm) with known poses.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -11,6 +12,7 @@
 #include <string>
 
 #include "evaluation/euroc_map.hpp"
+#include "evaluation/euroc_map_fusion.hpp"
 
 namespace {
 
@@ -45,6 +47,48 @@ void report(const char* pixels, const keyframe_map& map, const map_evaluation_op
               e.search_ms / static_cast<double>(e.queries), e.ordered_differs, e.queries);
 }
 
+void report(const char* what, const fusion_verdict& v) {
+  const turbomap::fusion_summary& s = v.summary;
+  std::printf(
+      "  %s: %zu found: %zu merged, %zu observations added, %zu conflicts, %zu observed already by then\n"
+      "    %zu pairs of the source are one point; %zu faults of the map, %zu points seen twice by a keyframe, %zu "
+      "observations lost\n"
+      "    contradictions of the source: %zu, keypoints apart %.1f px in the median; %zu of them known to the map\n"
+      "    survivor from the keypoints of what it replaced: %.1f px in the median (its own point: %.1f px), %zu of %zu "
+      "within "
+      "%.0f px; confirmed ones: %zu of %zu\n",
+      what, s.entries, s.merged, s.observations_added, s.conflicts, s.already_observed, v.confirmed, v.faults,
+      v.seen_twice, v.observations_lost(), v.contradiction_px.size(),
+      v.contradiction_px.empty() ? 0.0 : median(v.contradiction_px), v.contradictions_known, median(v.survivor_px),
+      median(v.own_px), fusion_verdict::near(v.survivor_px), v.survivor_px.size(), fusion_verdict::duplicate_px,
+      fusion_verdict::near(v.certain_survivor_px), v.certain_survivor_px.size());
+}
+
+void report_fusion(const keyframe_map& map, fusion_evaluation_options options) {
+  using turbomap::duplicate_outcome;
+  const pair_evaluation e = fusion_evaluator(map, options).pairs();
+  std::printf("\nduplicates, sigma %.0f px: %zu keypoints have two good landmarks; the second is looked for:\n",
+              options.sigma_px, e.pairs);
+  std::printf(
+      "  %zu found; %zu seen nowhere else, %zu not in view, %zu beyond the gate, %zu too different, %zu lost to "
+      "another "
+      "keypoint\n",
+      e.of(pair_cause::found), e.of(pair_cause::unseen), e.of(pair_cause::turned), e.of(pair_cause::misplaced),
+      e.of(pair_cause::unlike), e.of(pair_cause::lost));
+  std::printf(
+      "  outcomes: %zu matched (%zu elsewhere), %zu too different, %zu no keypoint, %zu no consistent keypoint, %zu "
+      "other\n",
+      e.of(duplicate_outcome::matched), e.elsewhere, e.of(duplicate_outcome::too_different),
+      e.of(duplicate_outcome::no_keypoint), e.of(duplicate_outcome::no_consistent_keypoint),
+      e.of(duplicate_outcome::behind) + e.of(duplicate_outcome::outside) + e.of(duplicate_outcome::oblique));
+  std::printf("  landmark to its keypoint: %.1f px in the median, p90 %.1f px; descriptors: %.0f bits, p90 %.0f\n",
+              median(e.error_px), quantile(e.error_px, 0.9), median(e.distance), quantile(e.distance, 0.9));
+  report("fused", e.verdict);
+  report("whole map, refuse", fusion_evaluator(map, options).whole_map());
+  options.merges = turbomap::merge_rule::refuse_apart;
+  report("whole map, refuse_apart", fusion_evaluator(map, options).whole_map());
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -67,6 +111,8 @@ int main(int argc, char** argv) {
       report<turbomap::brown_conrady<double>>("raw", map, options);
       report<turbomap::pinhole<double>>("undistorted", map, options);
     }
+    for (const double sigma : {1.0, 2.0})
+      report_fusion(map, {options.max_distance, sigma, turbomap::merge_rule::refuse});
   } catch (const CLI::ParseError& error) {
     return error.get_exit_code() == 0 ? app.exit(error)
                                       : (std::fprintf(stderr, "turbomap-evaluate-euroc-map: %s\n", error.what()), 2);

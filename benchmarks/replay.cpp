@@ -12,14 +12,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#if __has_include(<tbb/parallel_for.h>)
-#define TURBOMAP_PROGRAM_WITH_TBB 1
-#include <thrust/system/tbb/execution_policy.h>
-#endif
-
-#include "replay/run.hpp"
+#include "replay/arguments.hpp"
 
 namespace {
 
@@ -27,11 +20,9 @@ using turbomap_replay::arguments;
 using turbomap_replay::outcome;
 
 outcome run(const arguments& a) {
-  if (a.policy == "seq") return turbomap_replay::run(thrust::seq, a);
-  if (a.policy == "omp") return turbomap_replay::run(thrust::omp::par, a);
-#if defined(TURBOMAP_PROGRAM_WITH_TBB)
-  if (a.policy == "tbb") return turbomap_replay::run(thrust::tbb::par, a);
-#endif
+  if (a.policy == "seq") return turbomap_replay::run_seq(a);
+  if (a.policy == "omp") return turbomap_replay::run_omp(a);
+  if (a.policy == "tbb") return turbomap_replay::run_tbb(a);
 #if defined(TURBOMAP_PROGRAM_WITH_CUDA)
   if (a.policy == "cuda") return turbomap_replay::run_cuda(a);
 #endif
@@ -49,11 +40,12 @@ void choose_stages(const std::string& list, arguments& a) {
   std::set<std::string> names;
   std::istringstream stream(list);
   for (std::string name; std::getline(stream, name, ',');) {
-    static const std::set<std::string> known{"point_culling", "search",     "creation",        "fusion",
-                                             "map_update",    "adjustment", "culling",         "keyframe_culling"};
+    static const std::set<std::string> known{"point_culling", "search",     "creation", "fusion",
+                                             "map_update",    "adjustment", "culling",  "keyframe_culling"};
     if (known.count(name) == 0)
-      throw std::invalid_argument("--stages: '" + name +
-                                  "' is not a stage: point_culling, search, creation, fusion, map_update, adjustment, culling");
+      throw std::invalid_argument(
+          "--stages: '" + name +
+          "' is not a stage: point_culling, search, creation, fusion, map_update, adjustment, culling");
     names.insert(name);
   }
   a.point_culling = names.count("point_culling") != 0;
@@ -75,7 +67,9 @@ int main(int argc, char** argv) try {
   app.add_option("recording", a.recording, "folder of the recording; the built-in simulated one when not given");
   app.add_option("--policy", a.policy, "execution policy")->check(CLI::IsMember({"seq", "omp", "tbb", "cuda"}));
   app.add_flag("--check", a.check, "compare every stage with the recorded snapshots; exit status 1 when one differs");
-  app.add_option("--stages", stages, "stages to run, separated by commas: point_culling,search,creation,fusion,map_update,adjustment,culling");
+  app.add_option(
+      "--stages", stages,
+      "stages to run, separated by commas: point_culling,search,creation,fusion,map_update,adjustment,culling");
   app.add_option("--candidates", a.candidates, "what the search compares with (replay mode)")
       ->check(CLI::IsMember({"exhaustive", "ordered", "grouped"}));
   app.add_flag("--serial-fusion", a.serial_fusion, "fuse camera by camera, each search after the commit before it");

@@ -52,15 +52,19 @@ struct oracle_world {
       blocks.emplace_back();
       blocks.back().resize_discard(layout.bytes);
       turbomap::pack_keyframe(data, layout, scratch, blocks.back().data());
-      oracle.keyframes[id] = {turbomap::view_at<mapped_descriptor, Camera>(layout, blocks.back().data()), view.T_cw, {}};
+      oracle.keyframes[id] = {
+          turbomap::view_at<mapped_descriptor, Camera>(layout, blocks.back().data()), view.T_cw, {}};
       oracle.map.keyframes[id] = {view.keypoints, 0};
     });
     traits::for_each_point(map, [&](turbomap::map_point_id p) {
       const auto id = traits::id(map, p);
       oracle.map.points[id] = {traits::id(map, traits::reference(map, p)), {}};
       const auto* d = traits::descriptor_data(map, p);
-      oracle.appearance[id] = {traits::position(map, p), traits::normal(map, p), traits::min_distance(map, p),
-                               traits::max_distance(map, p), {d, d + mapped_descriptor::elements}};
+      oracle.appearance[id] = {traits::position(map, p),
+                               traits::normal(map, p),
+                               traits::min_distance(map, p),
+                               traits::max_distance(map, p),
+                               {d, d + mapped_descriptor::elements}};
     });
     traits::for_each_point(map, [&](turbomap::map_point_id p) {
       traits::for_each_observation(map, p, [&](turbomap::map_keyframe_id k, std::size_t i) {
@@ -146,7 +150,8 @@ void check_fusion(const Policy& policy, const test_rig<Camera>& rig, const mappi
   turbomap::appearance_update<mapped<Camera>, Policy> update(run.ctx);
   turbomap::map_point_update_options appearance;
   appearance.scales = recipe.scales;
-  const std::size_t updated = update(run.ctx, run.map, run.store, run.mapper.stored(), fusion.touched(), appearance, held);
+  const std::size_t updated =
+      update(run.ctx, run.map, run.store, run.mapper.stored(), fusion.touched(), appearance, held);
   std::set<oracle_id> gained;
   for (const oracle_id p : oracle.touched)
     if (oracle.map.points.count(p) != 0) gained.insert(p);

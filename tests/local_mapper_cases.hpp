@@ -52,10 +52,10 @@ inline mapping_recipe noisy(unsigned seed, double pixels = 0.4, int bits = 20) {
 
 /// The counts of reports that do not depend on the clock.
 inline std::vector<std::uint64_t> counts(const turbomap::mapping_report& r) {
-  std::vector<std::uint64_t> all{r.neighbours,         r.matches,        r.points_created,
-                                 r.points_culled,      r.fusion_targets, r.fused.entries,
-                                 r.fused.merged,       r.fused.stale,    r.fused.observations_added,
-                                 r.fused.conflicts,    r.points_updated, r.fused.already_observed};
+  std::vector<std::uint64_t> all{r.neighbours,      r.matches,        r.points_created,
+                                 r.points_culled,   r.fusion_targets, r.fused.entries,
+                                 r.fused.merged,    r.fused.stale,    r.fused.observations_added,
+                                 r.fused.conflicts, r.points_updated, r.fused.already_observed};
   all.insert(all.end(), r.keyframes_culled.begin(), r.keyframes_culled.end());
   return all;
 }
@@ -81,7 +81,7 @@ void check_same_map(const Policy& policy, const mapping_case<Camera>& c, int key
     for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) {
       const auto stage = static_cast<turbomap::mapping_stage>(s);
       CHECK(a.outcome[stage] == (stage == turbomap::mapping_stage::adjustment ? turbomap::stage_outcome::off
-                                                                                 : turbomap::stage_outcome::done));
+                                                                              : turbomap::stage_outcome::done));
     }
   }
   CHECK(created > 20);
@@ -89,7 +89,8 @@ void check_same_map(const Policy& policy, const mapping_case<Camera>& c, int key
   using traits = turbomap::map_traits<mapped_by<Camera>>;
   double worst = 0;
   std::vector<turbomap::vec3<double>> positions;
-  traits::for_each_point(expected.map, [&](turbomap::map_point_id p) { positions.push_back(expected.map.position(p)); });
+  traits::for_each_point(expected.map,
+                         [&](turbomap::map_point_id p) { positions.push_back(expected.map.position(p)); });
   std::size_t i = 0;
   traits::for_each_point(run.map, [&](turbomap::map_point_id p) {
     const auto &x = run.map.position(p), &y = positions[i++];

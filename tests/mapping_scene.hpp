@@ -92,7 +92,8 @@ class mapping_scene {
         k.y = static_cast<float>(uniform(random, b.min_y, b.max_y - 1));
         k.octave = static_cast<std::uint8_t>(random() % static_cast<unsigned>(recipe_.scales.levels));
         k.camera = static_cast<std::uint8_t>(c);
-        v.landmark.push_back(-1 - (static_cast<landmark_id>(n) * 1000000 + static_cast<landmark_id>(v.keypoints.size())));
+        v.landmark.push_back(-1 -
+                             (static_cast<landmark_id>(n) * 1000000 + static_cast<landmark_id>(v.keypoints.size())));
         v.keypoints.push_back(k);
         for (int b8 = 0; b8 < bytes; ++b8) v.descriptors.push_back(static_cast<std::uint8_t>(random()));
       }
@@ -125,9 +126,7 @@ class mapping_scene {
   };
 
   static constexpr int origin = 1000;  // metres before the first keyframe that have ids
-  landmark_id id(int metre, int i) const {
-    return static_cast<landmark_id>(metre + origin) * recipe_.per_metre + i;
-  }
+  landmark_id id(int metre, int i) const { return static_cast<landmark_id>(metre + origin) * recipe_.per_metre + i; }
   const truth& landmark(landmark_id l) const {
     const auto known = landmarks_.find(l);
     if (known != landmarks_.end()) return known->second;
@@ -170,7 +169,8 @@ class mapping_scene {
     v.landmark.push_back(l);
     v.descriptors.insert(v.descriptors.end(), t.descriptor.begin(), t.descriptor.end());
     auto* mine = v.descriptors.data() + v.descriptors.size() - bytes;
-    for (int n = recipe_.noisy_bits > 0 ? static_cast<int>(random() % static_cast<unsigned>(recipe_.noisy_bits + 1)) : 0;
+    for (int n = recipe_.noisy_bits > 0 ? static_cast<int>(random() % static_cast<unsigned>(recipe_.noisy_bits + 1))
+                                        : 0;
          n > 0; --n) {
       const unsigned bit = random() % (8U * bytes);
       mine[bit / 8] = static_cast<std::uint8_t>(mine[bit / 8] ^ (1U << bit % 8));
@@ -231,7 +231,10 @@ class mapping_run {
 
   mapping_run(const mapping_scene<camera>& scene, const turbomap::local_mapper_options& options, hooks_type more = {},
               Policy policy = Policy(), turbomap::keyframe_store_options store_options = {})
-      : scene_(scene), ctx(std::move(policy)), store(store_options), hooks_(std::move(more)),
+      : scene_(scene),
+        ctx(std::move(policy)),
+        store(store_options),
+        hooks_(std::move(more)),
         mapper(ctx, map, store, options, hooks()) {}
 
   /// Tracking: the next keyframe enters map and store, with its associations.
@@ -301,7 +304,8 @@ class mapping_run {
     std::mt19937 random(recipe.seed * 31 + static_cast<unsigned>(views_.size()));
     std::vector<point> created;
     std::map<landmark_id, std::size_t> first, second;  // views by the first two cameras
-    for (std::size_t i = 0; i < v.keypoints.size(); ++i) (v.keypoints[i].camera == 0 ? first : second)[v.landmark[i]] = i;
+    for (std::size_t i = 0; i < v.keypoints.size(); ++i)
+      (v.keypoints[i].camera == 0 ? first : second)[v.landmark[i]] = i;
     for (std::size_t i = 0; i < v.keypoints.size(); ++i) {
       const landmark_id l = v.landmark[i];
       const double lost = scene_.uniform(random, 0, 1), fresh = scene_.uniform(random, 0, 1);

@@ -16,6 +16,7 @@
 
 #include "duplicate_fusion_cases.hpp"
 #include "lying_map.hpp"
+#include "watched_map.hpp"
 
 namespace {
 
@@ -142,7 +143,27 @@ TEST_CASE("what is not asked for stays as it is") {
   }
 }
 
-TEST_CASE("maps that contradict themselves, positions that are not finite, bad options: refused, and no point is changed") {
+TEST_CASE("a point that dies meanwhile is left alone, and so is the one that got its place") {
+  using map = watched_map<mapped_descriptor>;
+  stale_map<map, pinhole_camera, seq> s(pinhole_rig(50));
+  const auto victim = s.points[3];
+  int times = 0;
+  map_point_id heir;
+  s.run.map.watch.before = [&] {
+    if (++times != 2) return;  // between snapshot and commit
+    turbomap::erase_point(s.run.map, victim);
+    heir = s.run.map.add_point({1, 2, 3});
+  };
+  s({victim, s.points[4]});
+  s.run.map.watch.before = {};
+  REQUIRE(times == 2);
+  REQUIRE(heir.index == victim.index);
+  CHECK(turbomap::map_traits<map>::max_distance(s.run.map, heir) == 0);
+  CHECK(turbomap::map_traits<map>::max_distance(s.run.map, s.points[4]) != 5);
+}
+
+TEST_CASE(
+    "maps that contradict themselves, positions that are not finite, bad options: refused, and no point is changed") {
   stale_map<lying_map, pinhole_camera, seq> s(pinhole_rig(50));
   auto& map = s.run.map;
   const auto victim = s.points[s.points.size() / 2];

@@ -70,7 +70,8 @@ TEST_CASE_TEMPLATE("an accepted point is seen by both, and is of the query", Map
   CHECK(c.created.size() == 2);
 }
 
-TEST_CASE_TEMPLATE("a keypoint gets one point: of the first entry, or the one that it had", Map, flat_map, pointer_map) {
+TEST_CASE_TEMPLATE("a keypoint gets one point: of the first entry, or the one that it had", Map, flat_map,
+                   pointer_map) {
   creation<Map> c;
   using traits = turbomap::map_traits<Map>;
   const auto mine = traits::add_point(c.map, {}, c.query);
@@ -149,7 +150,8 @@ TEST_CASE_TEMPLATE("random plans: what first_claims() says", Map, flat_map, poin
     for (std::size_t i = 0; i < expected.size(); ++i) {
       const auto& e = expected[i];
       CHECK(c.at(c.query, static_cast<std::size_t>(e.query)) == c.created[i]);
-      CHECK(c.at(c.neighbours[static_cast<std::size_t>(e.neighbour)], static_cast<std::size_t>(e.candidate)) == c.created[i]);
+      CHECK(c.at(c.neighbours[static_cast<std::size_t>(e.neighbour)], static_cast<std::size_t>(e.candidate)) ==
+            c.created[i]);
       CHECK(turbomap::map_traits<Map>::position(c.map, c.created[i]).z == 3.0 + e.candidate);
     }
   }

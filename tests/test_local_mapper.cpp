@@ -115,7 +115,8 @@ TEST_CASE("each stage can be switched off: nothing of it happens") {
     turbomap::local_mapper_hooks<flat_map> hooks;
     hooks.adjust = [&](flat_map&, turbomap::map_keyframe_id, double) { ++adjusted; };
     stereo_run<> r(options, hooks);
-    std::size_t neighbours = 0, matches = 0, created = 0, culled = 0, targets = 0, fused = 0, keyframes = 0, described = 0;
+    std::size_t neighbours = 0, matches = 0, created = 0, culled = 0, targets = 0, fused = 0, keyframes = 0,
+                described = 0;
     for (int n = 0; n < 12; ++n) {
       const auto& report = r.run.step();
       for (const auto s : all_stages) {
@@ -485,8 +486,8 @@ TEST_CASE("a map without anything to do") {
 }
 
 TEST_CASE("a map that contradicts itself is refused stage by stage, and stays as it was") {
-  for (const auto s : {mapping_stage::process, mapping_stage::point_culling, mapping_stage::creation, mapping_stage::fusion,
-                       mapping_stage::keyframe_culling}) {
+  for (const auto s : {mapping_stage::process, mapping_stage::point_culling, mapping_stage::creation,
+                       mapping_stage::fusion, mapping_stage::keyframe_culling}) {
     CAPTURE(turbomap::to_string(s));
     lying_map* liar = nullptr;
     std::string before;
@@ -560,10 +561,18 @@ TEST_CASE("another thread edits the map under the guard") {
           const std::size_t i = random() % map.keypoints(k).size();
           if (!map.alive(p) || !map.alive(q)) continue;
           switch (random() % 8) {
-            case 0: turbomap::erase_point(map, p); break;
-            case 1: turbomap::merge_points(map, p, q, turbomap::merge_rule::refuse, scratch); break;
-            case 2: case 3: turbomap::fade(map, k, i); break;
-            default: turbomap::observe(map, p, k, i);
+            case 0:
+              turbomap::erase_point(map, p);
+              break;
+            case 1:
+              turbomap::merge_points(map, p, q, turbomap::merge_rule::refuse, scratch);
+              break;
+            case 2:
+            case 3:
+              turbomap::fade(map, k, i);
+              break;
+            default:
+              turbomap::observe(map, p, k, i);
           }
           ++edits;
         }

@@ -90,7 +90,9 @@ struct turbomap::map_traits<turbomap_test::watched_map<Descriptor>>
   static turbomap_test::watched_guard guard(map& m) { return turbomap_test::watched_guard(m.watch); }
 
   static bool alive(const map& m, keyframe k) { return m.watch.used(), base::alive(m, k); }
-  static const turbomap::rigid_transform<double>& pose(const map& m, keyframe k) { return m.watch.used(), base::pose(m, k); }
+  static const turbomap::rigid_transform<double>& pose(const map& m, keyframe k) {
+    return m.watch.used(), base::pose(m, k);
+  }
   static std::size_t keypoint_count(const map& m, keyframe k) { return m.watch.used(), base::keypoint_count(m, k); }
   static point point_at(const map& m, keyframe k, std::size_t i) { return m.watch.used(), base::point_at(m, k, i); }
   static void set_point(map& m, keyframe k, std::size_t i, point p) { m.watch.used(), base::set_point(m, k, i, p); }
@@ -98,7 +100,9 @@ struct turbomap::map_traits<turbomap_test::watched_map<Descriptor>>
   static bool alive(const map& m, point p) { return m.watch.used(), base::alive(m, p); }
   static point replacement(const map& m, point p) { return m.watch.used(), base::replacement(m, p); }
   static const turbomap::vec3<double>& position(const map& m, point p) { return m.watch.used(), base::position(m, p); }
-  static const std::uint8_t* descriptor_data(const map& m, point p) { return m.watch.used(), base::descriptor_data(m, p); }
+  static const std::uint8_t* descriptor_data(const map& m, point p) {
+    return m.watch.used(), base::descriptor_data(m, p);
+  }
   template <class F>
   static void for_each_observation(const map& m, point p, F f) {
     m.watch.used(), base::for_each_observation(m, p, f);

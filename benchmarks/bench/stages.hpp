@@ -4,11 +4,9 @@
 
 /// \file
 /// The stages that turbomap-bench times against their sequential oracles, interleaved in one run on the same inputs: the last
-/// keyframe of a simulated fisheye recording against ten neighbours.
+/// keyframe of a simulated fisheye recording against ten neighbours; map_stages.hpp has those that need a map.
 
 #include <algorithm>
-#include <chrono>
-#include <functional>
 #include <string>
 #include <vector>
 
@@ -21,66 +19,10 @@
 #include <turbomap/matching/point_creation.hpp>
 
 #include "../replay/recorded_keyframes.hpp"
+#include "map_stages.hpp"
+#include "measure.hpp"
 
 namespace turbomap_bench {
-
-using turbomap_replay::orb;
-using fisheye = turbomap::kannala_brandt<float>;
-using posed = turbomap::posed_keyframe<orb, fisheye>;
-
-/// What a run is asked to do.
-struct arguments {
-  std::string policy = "seq";
-  std::string json;
-  int repetitions = 31;
-};
-
-inline double now_ms() {
-  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-inline double median(std::vector<double> samples) {
-  std::sort(samples.begin(), samples.end());
-  return samples[samples.size() / 2];
-}
-
-/// A B A B ...: the clock of a shared machine drifts, ratios of neighbours do not.
-inline nlohmann::json interleave(int repetitions, const std::function<void()>& ours,
-                                 const std::function<void()>& oracle, double floor_ms) {
-  std::vector<double> a, b;
-  ours();
-  oracle();
-  for (int k = 0; k < repetitions; ++k) {
-    const double begin = now_ms();
-    ours();
-    const double middle = now_ms();
-    oracle();
-    a.push_back(middle - begin);
-    b.push_back(now_ms() - middle);
-  }
-  return {{"ms_median", median(a)},
-          {"oracle_ms_median", median(b)},
-          {"ratio", median(b) / median(a)},
-          {"floor_ms", floor_ms}};
-}
-
-/// Milliseconds that one core needs for `pairs` Hamming distances of 256 bits and nothing else, read as a stream.
-inline double distance_floor_ms(const turbomap::keyframe_view<orb, fisheye>& view, double pairs) {
-  volatile std::int32_t sink = 0;  // or the compiler would leave the work out
-  std::vector<double> samples;
-  const int passes = 200;
-  for (int k = 0; k < 15; ++k) {
-    const double begin = now_ms();
-    for (int p = 0; p < passes; ++p) {
-      std::int32_t least = 256;
-      for (int i = 0; i < view.keypoint_count; ++i)
-        least = std::min(least, orb::distance(view.descriptor_of(p), view.descriptor_of(i)));
-      sink = least;
-    }
-    samples.push_back((now_ms() - begin) / (static_cast<double>(passes) * view.keypoint_count));
-  }
-  (void)sink;
-  return median(samples) * pairs;
-}
 
 /// Pairs of unmapped keypoints in equal words, and pairs that pass the epipolar test: what has to be compared at least.
 inline void count_pairs(const posed& query, turbomap::span<const posed> neighbours,
@@ -202,6 +144,8 @@ nlohmann::json run_stages(const Policy& policy, const turbomap::recording& recor
       },
       [&] { turbomap_test::creation_oracle(plain_query, plain_neighbours, oracle_matches, options); }, 0);
   stages["creation"].erase("floor_ms");
+  const double distance_ms = distance_floor_ms(host_pinned[0], 1);
+  run_map_stages(ctx, recording, repetitions, distance_ms, stages);
   return stages;
 }
 

@@ -5,22 +5,16 @@
 /// \file
 /// Search and creation on a recorded map with known poses, judged by the map's own observations. Nothing is tuned to it.
 
-#include <thrust/execution_policy.h>
-
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <map>
 #include <turbomap/camera/brown_conrady.hpp>
 #include <turbomap/camera/pinhole.hpp>
-#include <turbomap/context.hpp>
 #include <turbomap/descriptor/binary.hpp>
-#include <turbomap/matching/correspondence_search.hpp>
-#include <turbomap/matching/point_creation.hpp>
-#include <turbomap/store/keyframe_store.hpp>
 #include <utility>
 #include <vector>
 
+#include "judged_search.hpp"
 #include "keyframe_map.hpp"
 #include "statistics.hpp"
 
@@ -78,7 +72,6 @@ template <class Camera>
 class map_evaluator {
  public:
   using descriptor = binary_descriptor<384>;
-  using policy = std::decay_t<decltype(thrust::seq)>;
 
   map_evaluator(const keyframe_map& map, const map_evaluation_options& options)
       : map_(map), options_(options), camera_(camera_of_pixels(map, static_cast<Camera*>(nullptr))) {
@@ -89,6 +82,8 @@ class map_evaluator {
   map_evaluation run() {
     for (std::size_t k = 0; k < map_.keyframes.size(); ++k)
       if (map_.keyframes[k].submap < options_.submaps) evaluate(k);
+    result_.search_ms = search_.ordered_ms();
+    result_.ordered_differs = search_.ordered_differs();
     return std::move(result_);
   }
 
@@ -105,15 +100,7 @@ class map_evaluator {
       const int l = k.landmarks[i];
       if (l >= 0 && map_.landmarks[static_cast<std::size_t>(l)].good()) observers[l].push_back(static_cast<int>(i));
     }
-    const auto rig = make_mono_rig(camera_);
-    keyframe_data<descriptor, Camera> data;
-    data.keypoint_count = static_cast<int>(keypoints.size());
-    data.keypoints = keypoints.data();
-    data.descriptors = k.descriptors.data();
-    data.cameras = rig.cameras;
-    data.camera_count = 1;
-    data.bounds = bounds_of(keypoints);
-    handles_.push_back(store_.insert(data));
+    search_.insert(camera_, keypoints, k.descriptors);
     std::vector<double> depths;
     for (const auto& [l, unused] : observers) depths.push_back(depth(k, l));
     median_depth_.push_back(median(depths));
@@ -126,7 +113,7 @@ class map_evaluator {
   /// Other keyframes of the same submap (landmarks are its own), those with most common landmarks first.
   std::vector<std::size_t> neighbours_of(std::size_t query) {
     std::vector<std::pair<int, std::size_t>> ranked;
-    for (std::size_t k = 0; k < handles_.size(); ++k) {
+    for (std::size_t k = 0; k < search_.size(); ++k) {
       if (k == query || map_.keyframes[k].submap != map_.keyframes[query].submap) continue;
       int common = 0;
       for (const auto& [l, unused] : observers_[query]) common += observers_[k].count(l) != 0;
@@ -149,48 +136,29 @@ class map_evaluator {
   void evaluate(std::size_t query) {
     const std::vector<std::size_t> neighbours = neighbours_of(query);
     if (neighbours.empty()) return;
-    std::vector<keyframe_handle> handles{handles_[query]};
-    for (const std::size_t n : neighbours) handles.push_back(handles_[n]);
-    const auto pinned = store_.pin(ctx_, handles);
-    const auto posed = [&](std::size_t i, std::size_t keyframe) {
-      return posed_keyframe<descriptor, Camera>{pinned[i], map_.keyframes[keyframe].T_cw, {}};
-    };
-    std::vector<posed_keyframe<descriptor, Camera>> others;
-    for (std::size_t n = 0; n < neighbours.size(); ++n) others.push_back(posed(n + 1, neighbours[n]));
-
     search_options search;
     search.max_distance = options_.max_distance;
     search.scales.levels = 1;  // the detector's scale is constant
     search.line_chi2 *= options_.sigma_px * options_.sigma_px;
     search.reprojection_chi2 *= options_.sigma_px * options_.sigma_px;
-    const span<const posed_keyframe<descriptor, Camera>> all = others;
-    search.candidate_set = candidates::exhaustive;
-    search_correspondences(ctx_, posed(0, query), all, search, matches_);
-    const auto exhaustive = matches_.plan(ctx_);
-    search.candidate_set = candidates::epipolar_ordered;
-    const auto start = std::chrono::steady_clock::now();
-    search_correspondences(ctx_, posed(0, query), all, search, matches_);
-    result_.search_ms += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-    const auto plan = matches_.plan(ctx_);
-    const auto same = [](const auto& a, const auto& b) {
-      return a.neighbour == b.neighbour && a.query == b.query && a.candidate == b.candidate && a.distance == b.distance;
-    };
-    if (!std::equal(plan.begin(), plan.end(), exhaustive.begin(), exhaustive.end(), same)) ++result_.ordered_differs;
     creation_options creation;
+    creation.scales = search.scales;
     creation.mono_chi2 *= options_.sigma_px * options_.sigma_px;
-    create_points(ctx_, matches_, creation, creation_);
     ++result_.queries;
     result_.pairs += neighbours.size();
-    count_recall(query, neighbours, plan);
-    for (const created_point& p : creation_.plan(ctx_, matches_))
-      judge(query, neighbours[static_cast<std::size_t>(p.neighbour)], p);
+    const auto pose_of = [this](std::size_t k) { return map_.keyframes[k].T_cw; };
+    const auto judge_all = [&](const auto& view, const auto& plan, const std::vector<created_point>& points) {
+      count_recall(query, neighbours, view, plan);
+      for (const created_point& p : points) judge(query, neighbours[static_cast<std::size_t>(p.neighbour)], p);
+    };
+    search_(query, neighbours, pose_of, search, creation, judge_all);
   }
 
   template <class Plan>
-  void count_recall(std::size_t query, const std::vector<std::size_t>& neighbours, const Plan& plan) {
+  void count_recall(std::size_t query, const std::vector<std::size_t>& neighbours,
+                    const search_view<descriptor, Camera>& search, const Plan& plan) {
     std::map<std::pair<int, int>, int> found;
     for (const auto& m : plan) found[{m.neighbour, m.query}] = m.candidate;
-    const auto& search = matches_.view();
     for (int n = 0; n < search.neighbour_count; ++n)
       for (const auto& [landmark, keypoints] : observers_[query]) {
         const auto& there = observers_[neighbours[static_cast<std::size_t>(n)]];
@@ -248,11 +216,7 @@ class map_evaluator {
   const keyframe_map& map_;
   map_evaluation_options options_;
   Camera camera_;
-  keyframe_store<descriptor, Camera> store_;
-  context<policy> ctx_{thrust::seq};
-  correspondences<descriptor, Camera, policy> matches_{ctx_};
-  point_creation<policy> creation_{ctx_};
-  std::vector<keyframe_handle> handles_;
+  judged_search<descriptor, Camera> search_;
   std::vector<std::map<int, std::vector<int>>> observers_;  // by keyframe: good landmark -> keypoints
   std::vector<double> median_depth_;
   map_evaluation result_;

@@ -21,12 +21,12 @@ struct arguments {
   /// Stages that are switched on.
   bool point_culling = true, search = true, creation = true, fusion = true, map_update = true;
   bool adjustment = true, culling = true;
-  std::string candidates = "ordered";      ///< exhaustive, ordered or grouped (replay mode)
-  bool serial_fusion = false;              ///< fusion_mode::serial_exact
-  std::string merges = "apart";            ///< merge_rule: refuse, apart or drop
-  std::string numbers = "mixed";           ///< of adjustments: float64, mixed or float32
-  bool queue = false;                      ///< in recorded time: stages are skipped while keyframes wait
-  double deadline_ms = 0;                  ///< per keyframe; 0: none
+  std::string candidates = "ordered";              ///< exhaustive, ordered or grouped (replay mode)
+  bool serial_fusion = false;                      ///< fusion_mode::serial_exact
+  std::string merges = "apart";                    ///< merge_rule: refuse, apart or drop
+  std::string numbers = "mixed";                   ///< of adjustments: float64, mixed or float32
+  bool queue = false;                              ///< in recorded time: stages are skipped while keyframes wait
+  double deadline_ms = 0;                          ///< per keyframe; 0: none
   std::filesystem::path json, trajectory, report;  ///< outputs; empty: none
   int repeat = 1;
 
@@ -42,6 +42,11 @@ struct outcome {
   nlohmann::json json;
   bool good = true;
 };
+
+/// Implemented in run_seq.cpp, run_omp.cpp and run_tbb.cpp: a compiler takes its time for each.
+outcome run_seq(const arguments& arguments);
+outcome run_omp(const arguments& arguments);
+outcome run_tbb(const arguments& arguments);
 
 /// Implemented in cuda/replay_cuda.cu where there is CUDA. Throws std::runtime_error without a device.
 outcome run_cuda(const arguments& arguments);

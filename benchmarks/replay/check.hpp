@@ -6,8 +6,8 @@
 /// Check mode: every stage on every recorded snapshot, compared with what the recorded system did.
 
 #include "arguments.hpp"
-#include "check_creation.hpp"
 #include "check_adjustment.hpp"
+#include "check_creation.hpp"
 #include "check_culling.hpp"
 #include "check_fusion.hpp"
 #include "check_map_update.hpp"

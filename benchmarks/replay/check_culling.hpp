@@ -102,13 +102,18 @@ class culling_check {
                                  [&state](keyframe k) { state.erase_next(k.index); });
         erased = records[0].verdict == turbomap::culling_verdict::erased;
         count = records[0].count;
-      } catch (const turbomap::inconsistent_map&) {  // thrown for a keyframe that is to go, before it is changed
+      } catch (const turbomap::inconsistent_map&) {  // before anything is changed: the same by its pieces
         std::vector<std::uint32_t> scratch;
         count = turbomap::count_redundant(state, candidate, options, scratch);
-        state.erase_next(c.keyframe[i]);
-        turbomap::erase_keyframe(state, candidate, options.fewest_measurements);
-        erased = true;
-        ++by_hand_;
+        erased = turbomap::is_redundant(count, options) &&
+                 !(options.temporal_guards &&
+                   turbomap::leaves_gap(state, candidate, turbomap::temporal_state<map>::of(state, current, options),
+                                        options));
+        if (erased) {
+          state.erase_next(c.keyframe[i]);
+          turbomap::erase_keyframe(state, candidate, options.fewest_measurements);
+          ++by_hand_;
+        }
       }
       culled_ += erased ? 1 : 0;
       const bool counted = c.points[i] >= 0;

@@ -39,7 +39,7 @@ struct replay_result {
   std::vector<turbomap::vec3<double>> points;
   std::vector<std::int32_t> point_observations;
   std::size_t associations = 0, associations_kept = 0;  ///< of tracking
-  std::size_t keyframes_left = 0, faults = 0;  ///< faults: of validate() on the final map
+  std::size_t keyframes_left = 0, faults = 0;           ///< faults: of validate() on the final map
   match_verdict matches;
   turbomap::keyframe_store_statistics store;
 };
@@ -49,9 +49,9 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording_m
   using turbomap::mapping_stage;
   auto o = meta.sensor == "inertial"
                ? turbomap::local_mapper_options::stereo_inertial(meta.baseline, meta.close_depth, meta.pyramid())
-           : meta.sensor == "monocular" ? turbomap::local_mapper_options::monocular(meta.pyramid())
-                                        : turbomap::local_mapper_options::stereo(meta.baseline, meta.close_depth,
-                                                                                 meta.pyramid());
+           : meta.sensor == "monocular"
+               ? turbomap::local_mapper_options::monocular(meta.pyramid())
+               : turbomap::local_mapper_options::stereo(meta.baseline, meta.close_depth, meta.pyramid());
   o.search.candidate_set = a.candidates == "grouped"      ? turbomap::candidates::grouped
                            : a.candidates == "exhaustive" ? turbomap::candidates::exhaustive
                                                           : turbomap::candidates::epipolar_ordered;
@@ -148,13 +148,14 @@ class replayer {
 
   turbomap::local_mapper_hooks<map_type> hooks() {
     turbomap::local_mapper_hooks<map_type> hooks;
-    hooks.adjust = [this](map_type& map, turbomap::map_keyframe_id k, double time_left_ms) { adjust(map, k, time_left_ms); };
+    hooks.adjust = [this](map_type& map, turbomap::map_keyframe_id k, double time_left_ms) {
+      adjust(map, k, time_left_ms);
+    };
     hooks.erasing = [this](turbomap::map_keyframe_id k) { world_.remember(k); };
     if (arguments_.queue)
       hooks.keyframes_wait = [this] {
         const auto next = static_cast<std::size_t>(query_) + 1;
-        return next < recording_.keyframe_count() &&
-               arrival_ms(query_ + 1) <= clock_ms_ + (now_ms() - began_);
+        return next < recording_.keyframe_count() && arrival_ms(query_ + 1) <= clock_ms_ + (now_ms() - began_);
       };
     if (recording_.is_simulated() || arguments_.check)
       hooks.stage_done = [this](turbomap::mapping_stage stage, const turbomap::mapping_report&) {

@@ -26,13 +26,20 @@ namespace turbomap_replay {
 inline double peer_stage_ms(const turbomap::timing_table& timing, std::size_t row, turbomap::mapping_stage stage) {
   const auto at = [&](const char* name) { return timing.has(name) ? timing.column(name)[row] : not_known; };
   switch (stage) {
-    case turbomap::mapping_stage::process: return at("ms_process");
-    case turbomap::mapping_stage::point_culling: return at("ms_mpculling");
-    case turbomap::mapping_stage::search: return at("ms_sft");
-    case turbomap::mapping_stage::creation: return at("ms_createnew") - at("ms_sft");
-    case turbomap::mapping_stage::fusion: return at("ms_fuse");
-    case turbomap::mapping_stage::adjustment: return at("ms_lba");
-    case turbomap::mapping_stage::keyframe_culling: return at("ms_cull_orig");
+    case turbomap::mapping_stage::process:
+      return at("ms_process");
+    case turbomap::mapping_stage::point_culling:
+      return at("ms_mpculling");
+    case turbomap::mapping_stage::search:
+      return at("ms_sft");
+    case turbomap::mapping_stage::creation:
+      return at("ms_createnew") - at("ms_sft");
+    case turbomap::mapping_stage::fusion:
+      return at("ms_fuse");
+    case turbomap::mapping_stage::adjustment:
+      return at("ms_lba");
+    case turbomap::mapping_stage::keyframe_culling:
+      return at("ms_cull_orig");
   }
   return not_known;
 }
@@ -58,8 +65,8 @@ inline report_row make_report_row(const turbomap::recording& recording, const st
     if (!shown) continue;
     const auto outcome = r.outcome[stage];
     const bool ran = outcome == turbomap::stage_outcome::done || outcome == turbomap::stage_outcome::cut;
-    row.stage_ms.push_back(
-        ran ? r.ms[stage] + (stage == turbomap::mapping_stage::process ? from.insertion_ms : 0) : not_known);
+    row.stage_ms.push_back(ran ? r.ms[stage] + (stage == turbomap::mapping_stage::process ? from.insertion_ms : 0)
+                               : not_known);
     row.peer_stage_ms.push_back(i < timing.row_count() ? peer_stage_ms(timing, i, stage) : not_known);
     row.skipped.push_back(outcome == turbomap::stage_outcome::skipped ? 1 : 0);
     row.cut.push_back(outcome == turbomap::stage_outcome::cut ? 1 : 0);
@@ -80,8 +87,8 @@ inline report_data make_report(const turbomap::recording& recording, const argum
   if (json.contains("ate_rmse_m")) data.ate_rmse_m = json["ate_rmse_m"];
   if (json.contains("peer_ate_rmse_m")) data.peer_ate_rmse_m = json["peer_ate_rmse_m"];
   for (const stage_samples& s : stages) {
-    report_stage stage{s.name, s.mean(), s.quantile(0.5), s.quantile(0.95), s.quantile(1),
-                       s.peer_ms_mean >= 0 ? s.peer_ms_mean : not_known};
+    report_stage stage{s.name,           s.mean(),      s.quantile(0.5),
+                       s.quantile(0.95), s.quantile(1), s.peer_ms_mean >= 0 ? s.peer_ms_mean : not_known};
     if (s.name == "total")
       data.total = stage;
     else

@@ -24,7 +24,7 @@ inline std::vector<stage_samples> stages_of(const std::vector<replay_row>& rows,
   const auto peer = [&](const char* column) { return timing.has(column) ? timing.mean(column) : std::nan(""); };
   const double peer_search = peer("ms_sft");
   const double peer_ms[turbomap::mapping_stages] = {
-      peer("ms_process"), peer("ms_mpculling"), peer_search, peer("ms_createnew") - peer_search,
+      peer("ms_process"), peer("ms_mpculling"), peer_search,         peer("ms_createnew") - peer_search,
       peer("ms_fuse"),    peer("ms_lba"),       peer("ms_cull_orig")};
   stage_samples total{"total", -1, {}};
   double peer_total = 0;
@@ -57,9 +57,8 @@ inline nlohmann::json guard_json(const std::vector<replay_row>& rows) {
       all.longest_ms = std::max(all.longest_ms, held.longest_ms);
     }
     if (all.count != 0)
-      json[turbomap::to_string(stage)] = {{"times", all.count},
-                                          {"ms_mean", all.total_ms / static_cast<double>(all.count)},
-                                          {"ms_max", all.longest_ms}};
+      json[turbomap::to_string(stage)] = {
+          {"times", all.count}, {"ms_mean", all.total_ms / static_cast<double>(all.count)}, {"ms_max", all.longest_ms}};
   }
   return json;
 }

@@ -38,7 +38,13 @@ class local_mapper {
 
   local_mapper(context<Policy>& ctx, Map& map, store_type& store, const local_mapper_options& options = {},
                hooks_type hooks = {})
-      : ctx_(ctx), map_(map), store_(store), options_(options), hooks_(std::move(hooks)), matching_(ctx), fusion_(ctx),
+      : ctx_(ctx),
+        map_(map),
+        store_(store),
+        options_(options),
+        hooks_(std::move(hooks)),
+        matching_(ctx),
+        fusion_(ctx),
         appearance_(ctx) {
     static_assert(require_map_traits<Map>());
     require(options.deadline_ms >= 0, "options.deadline_ms", options.deadline_ms, "must not be negative");
@@ -171,9 +177,8 @@ class local_mapper {
       const timed_guard<Map> guard(map_, held);
       const auto& near = neighbourhood_.neighbours(map_, current, options_.neighbourhood);
       const std::size_t limit = budget_.fitting(search_a_neighbour, near.size());
-      report_.neighbours =
-          matching_.gather(map_, stored_, current, span<const keyframe>(near), options_.stereo_baseline,
-                           options_.baseline_rule, limit);
+      report_.neighbours = matching_.gather(map_, stored_, current, span<const keyframe>(near),
+                                            options_.stereo_baseline, options_.baseline_rule, limit);
       if (limit < near.size() && report_.neighbours == limit) cut(search_a_neighbour);
     }
     timed(search_a_neighbour, static_cast<double>(report_.neighbours),

@@ -40,8 +40,8 @@ class serial_fusion_oracle {
   std::map<oracle_id, keyframe> keyframes;  ///< views in host memory
   struct {
     std::size_t entries = 0, observations_added = 0, merged = 0, stale = 0, already_observed = 0, conflicts = 0;
-  } counts;                                 ///< of all commits
-  std::vector<oracle_id> touched;           ///< points that gained views
+  } counts;                        ///< of all commits
+  std::vector<oracle_id> touched;  ///< points that gained views
 
   /// The points of the sources in every target. \param serial  each camera of a target sees the commit before it
   void pass(const std::vector<oracle_id>& sources, const std::vector<oracle_id>& targets, bool serial,
@@ -76,7 +76,8 @@ class serial_fusion_oracle {
       if (map.points.count(p) == 0) continue;
       const auto& point = map.points.at(p);
       std::vector<turbomap::point_observation> seen;
-      for (const oracle_view& v : point.views) seen.push_back({number.at(v.first), static_cast<std::int32_t>(v.second)});
+      for (const oracle_view& v : point.views)
+        seen.push_back({number.at(v.first), static_cast<std::int32_t>(v.second)});
       const std::int32_t offset[] = {0, static_cast<std::int32_t>(seen.size())};
       const auto observers = map.observers(p);
       const std::int32_t reference =
@@ -84,8 +85,8 @@ class serial_fusion_oracle {
       auto& mine = appearance.at(p);
       turbomap::map_point_update_options options;
       options.scales = scales;
-      const auto updated = map_point_update_oracle<Descriptor, Camera>({1, &mine.position, offset, seen.data(), &reference},
-                                                                       all, options)[0];
+      const auto updated = map_point_update_oracle<Descriptor, Camera>(
+          {1, &mine.position, offset, seen.data(), &reference}, all, options)[0];
       const auto& medoid = seen[static_cast<std::size_t>(updated.medoid)];
       const auto* d = all[static_cast<std::size_t>(medoid.keyframe)].view.descriptor_of(medoid.keypoint);
       mine.descriptor.assign(d, d + Descriptor::elements);
@@ -101,15 +102,11 @@ class serial_fusion_oracle {
   std::int32_t look_for(oracle_id p, oracle_id target, int camera, const std::vector<int>& order,
                         const turbomap::duplicate_options& options) {
     const auto& a = appearance.at(p);
-    const turbomap::map_point_view<Descriptor> one{1,
-                                                   &a.position,
-                                                   &a.normal,
-                                                   &a.min_distance,
-                                                   &a.max_distance,
-                                                   a.descriptor.data()};
+    const turbomap::map_point_view<Descriptor> one{
+        1, &a.position, &a.normal, &a.min_distance, &a.max_distance, a.descriptor.data()};
     const auto& k = keyframes.at(target);
-    const auto found = oracle_duplicate(one, 0, turbomap::duplicate_target<Descriptor, Camera>{k.view, k.T_cw, {}}, camera,
-                                        order, options);
+    const auto found = oracle_duplicate(one, 0, turbomap::duplicate_target<Descriptor, Camera>{k.view, k.T_cw, {}},
+                                        camera, order, options);
     // Close calls count as well: a point that another camera of its reference keyframe saw has a range that ends within the
     // rounding of float from an octave, a thousand times what double needs.
     return found.trial.outcome == turbomap::duplicate_outcome::matched ? found.trial.keypoint : -1;

@@ -201,7 +201,8 @@ class local_adjustment {
       if (chi2_[row] <= (stereo ? options.stereo_chi2 : options.mono_chi2) && depth_[row] > 0) continue;
       const keyframe k = frames_[static_cast<std::size_t>(frame_[row])];
       const point p = points_[static_cast<std::size_t>(landmark_[row])];
-      if (!traits::alive(map, k) || !traits::alive(map, p) || !(traits::point_at(map, k, keypoint_[row]) == p)) continue;
+      if (!traits::alive(map, k) || !traits::alive(map, p) || !(traits::point_at(map, k, keypoint_[row]) == p))
+        continue;
       require_consistent(map, p);
       outliers_.push_back(row);
     }

@@ -23,16 +23,17 @@ namespace turbomap {
 
 /// Options of keyframe culling. Defaults are those of [ORB-SLAM3] for stereo without an inertial unit.
 struct keyframe_culling_options {
-  float redundant_share = 0.9F;  ///< redundant: more than this share of its points (0.5 stereo-inertial); product in float
-  int observers = 3;             ///< a point is redundant when more than so many other keyframes see it...
-  int octave_slack = 1;          ///< ...at an octave no coarser than its own plus this
-  float max_depth = 0;           ///< m, > 0 (stereo): only points with a depth in [0, max_depth] count; 0: all (monocular)
+  float redundant_share =
+      0.9F;              ///< redundant: more than this share of its points (0.5 stereo-inertial); product in float
+  int observers = 3;     ///< a point is redundant when more than so many other keyframes see it...
+  int octave_slack = 1;  ///< ...at an octave no coarser than its own plus this
+  float max_depth = 0;   ///< m, > 0 (stereo): only points with a depth in [0, max_depth] count; 0: all (monocular)
   int fewest_measurements = 2;   ///< a point dies when a removal leaves it so many measurements or fewer
   bool temporal_guards = false;  ///< inertial: the rules below; the map's traits have time(), previous() and next()
   int keep_keyframes = 21;       ///< none is taken while there are so many or fewer
   int keep_last = 2;             ///< the current keyframe and so many before it, by their place in time, stay
   double max_gap = 0.5;          ///< s between the neighbours in time that a removal leaves side by side
-  double max_old_gap = 3;        ///< s, the same for keyframes before the keep_keyframes-th predecessor, once initialised
+  double max_old_gap = 3;  ///< s, the same for keyframes before the keep_keyframes-th predecessor, once initialised
   bool inertial_initialised = true;
 };
 
@@ -180,8 +181,8 @@ void cull_keyframes(Map& map, typename map_traits<Map>::keyframe current,
     if constexpr (detail::map_has_v<Map, detail::map_may_erase_member>)
       protect = protect || !traits::may_erase(map, keyframe);
     if (protect) {
-      records.push_back({keyframe, traits::alive(map, keyframe) ? traits::id(map, keyframe) : 0, {},
-                         culling_verdict::protected_});
+      records.push_back(
+          {keyframe, traits::alive(map, keyframe) ? traits::id(map, keyframe) : 0, {}, culling_verdict::protected_});
       continue;
     }
     const std::uint64_t id = traits::id(map, keyframe);

@@ -48,7 +48,8 @@ TURBOMAP_BEGIN_NAMESPACE
 /// passed. All points are checked before the first is erased: inconsistent_map leaves the map and the list as they were.
 /// The caller holds the guard. O(points x views).
 template <class Map>
-map_point_culling_summary cull_recent_points(Map& map, std::vector<recent_point<typename map_traits<Map>::point>>& recent,
+map_point_culling_summary cull_recent_points(Map& map,
+                                             std::vector<recent_point<typename map_traits<Map>::point>>& recent,
                                              std::int64_t now, const map_point_culling_options& options = {}) {
   using traits = map_traits<Map>;
   static_assert(require_map_traits<Map>());

@@ -26,7 +26,7 @@ namespace turbomap {
 
 /// When searches see what commits did.
 enum class fusion_mode : std::uint8_t {
-  snapshot,     ///< one search and one commit a pass
+  snapshot,  ///< one search and one commit a pass
   serial_exact  ///< camera by camera, target by target: each search sees the commit before it, and survivors of merges have
                 ///< their new descriptors at once [ORB-SLAM3]. Many small calls: for comparisons
 };
@@ -85,7 +85,8 @@ class duplicate_fusion {
     }
     if (options.mode == fusion_mode::snapshot) return search_and_commit(ctx, map, store, -1, options, held);
     fusion_summary summary;
-    const std::vector<point> points = snapshot_.points();  // the list is that of the start, its points are as they are by then
+    const std::vector<point> points =
+        snapshot_.points();  // the list is that of the start, its points are as they are by then
     for (const keyframe target : targets) {
       int cameras = 1;
       for (int c = 0; c < cameras; ++c) {

@@ -75,14 +75,18 @@ class duplicate_snapshot {
   void leave_out_other_cameras(std::size_t target, int cameras, int camera) {
     for (int c = 0; c < cameras; ++c)
       if (c != camera)
-        std::fill_n(skip_.begin() +
-                        static_cast<std::ptrdiff_t>(begin_[target] + static_cast<std::size_t>(c) * points_.size()),
-                    points_.size(), std::uint8_t{1});
+        std::fill_n(
+            skip_.begin() + static_cast<std::ptrdiff_t>(begin_[target] + static_cast<std::size_t>(c) * points_.size()),
+            points_.size(), std::uint8_t{1});
   }
 
   map_point_view<descriptor> points_view() const {
-    return {static_cast<int>(points_.size()), positions_.data(),     normals_.data(),
-            min_distances_.data(),            max_distances_.data(), descriptors_.data()};
+    return {static_cast<int>(points_.size()),
+            positions_.data(),
+            normals_.data(),
+            min_distances_.data(),
+            max_distances_.data(),
+            descriptors_.data()};
   }
   const std::vector<point>& points() const { return points_; }
   /// What find_duplicates() takes: [camera][point].
@@ -97,7 +101,8 @@ class duplicate_snapshot {
 
   void note(const Map& map, keyframe k, std::size_t keypoint, std::size_t target, std::size_t p) {
     if (keypoint >= traits::keypoint_count(map, k))
-      throw inconsistent_map({map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, points_[p]), keypoint});
+      throw inconsistent_map(
+          {map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, points_[p]), keypoint});
     observed_.push_back({target, traits::keypoint(map, k, keypoint).camera, p});
   }
   void add(const Map& map, point p) {

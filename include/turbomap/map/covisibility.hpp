@@ -34,7 +34,8 @@ class covisibility {
   /// Without any, the one that shares most (with any points at all) is left, as in [ORB-SLAM3]. A point counts once a
   /// keyframe, whatever number of cameras sees it. \param limit  no more than so many, the best; 0: all
   /// O(observations of its points + k log k). The caller holds the guard.
-  const std::vector<covisible<keyframe>>& operator()(const Map& map, keyframe query, int min_shared, std::size_t limit = 0) {
+  const std::vector<covisible<keyframe>>& operator()(const Map& map, keyframe query, int min_shared,
+                                                     std::size_t limit = 0) {
     count(map, query);
     result_.clear();
     covisible<keyframe> best{};

@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "../config.hpp"
-#include "map_traits.hpp"
-#include "numbering.hpp"
 #include "../store/handle_table.hpp"
 #include "../store/posed_keyframe.hpp"
+#include "map_traits.hpp"
+#include "numbering.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 

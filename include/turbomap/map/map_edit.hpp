@@ -24,8 +24,8 @@ namespace turbomap {
 
 /// What becomes of a merge of two points that one camera of a keyframe sees at two different keypoints.
 enum class merge_rule : std::uint8_t {
-  refuse,       ///< they are two points: nothing is changed, nothing is lost
-  drop,         ///< the keypoint of the point that goes is left without a point, as the recorded peer does
+  refuse,  ///< they are two points: nothing is changed, nothing is lost
+  drop,    ///< the keypoint of the point that goes is left without a point, as the recorded peer does
   refuse_apart  ///< refuse, if a pair of such keypoints is farther apart than their noise; else drop: detectors find one corner
                 ///< in several octaves
 };
@@ -233,7 +233,8 @@ void erase_keyframe(Map& map, typename map_traits<Map>::keyframe keyframe, int f
     const auto point = traits::point_at(map, keyframe, i);
     if (point == typename traits::point{}) continue;
     if (fade(map, keyframe, i, fewest) || touched == nullptr) continue;
-    if (finest_octave(map, point, keyframe) < 0) touched->push_back(point);  // else another camera of the rig sees it yet
+    if (finest_octave(map, point, keyframe) < 0)
+      touched->push_back(point);  // else another camera of the rig sees it yet
   }
   traits::erase_keyframe(map, keyframe);
 }

@@ -110,7 +110,8 @@ using keyframe_of = std::decay_t<typename T::keyframe>;
 template <class T>
 using point_of = std::decay_t<typename T::point>;
 template <class M, class T>
-using map_names_member = std::void_t<typename T::keyframe, typename T::point, typename T::descriptor, typename T::camera>;
+using map_names_member =
+    std::void_t<typename T::keyframe, typename T::point, typename T::descriptor, typename T::camera>;
 template <class M, class T>
 using map_keyframe_member = std::void_t<
     if_converts<decltype(T::id(std::declval<const M&>(), std::declval<keyframe_of<T>>())), std::uint64_t>,
@@ -134,8 +135,8 @@ using map_point_member = std::void_t<
                 const typename T::descriptor::element*>,
     if_converts<decltype(T::reference(std::declval<const M&>(), std::declval<point_of<T>>())), keyframe_of<T>>>;
 template <class M, class T>
-using map_observations_member = decltype(T::for_each_observation(std::declval<const M&>(), std::declval<point_of<T>>(),
-                                                                 observation_probe{}));
+using map_observations_member =
+    decltype(T::for_each_observation(std::declval<const M&>(), std::declval<point_of<T>>(), observation_probe{}));
 template <class M, class T>
 using map_write_member = std::void_t<
     if_converts<decltype(T::add_point(std::declval<M&>(), std::declval<const vec3<double>&>(),
@@ -153,14 +154,14 @@ using map_write_member = std::void_t<
     decltype(T::retire(std::declval<M&>(), std::declval<point_of<T>>(), std::declval<point_of<T>>())),
     decltype(T::erase_keyframe(std::declval<M&>(), std::declval<keyframe_of<T>>()))>;
 template <class M, class T>
-using map_adjust_member = std::void_t<
-    decltype(T::set_position(std::declval<M&>(), std::declval<point_of<T>>(), std::declval<const vec3<double>&>())),
-    decltype(T::set_pose(std::declval<M&>(), std::declval<keyframe_of<T>>(),
-                         std::declval<const rigid_transform<double>&>()))>;
+using map_adjust_member = std::void_t<decltype(T::set_position(std::declval<M&>(), std::declval<point_of<T>>(),
+                                                               std::declval<const vec3<double>&>())),
+                                      decltype(T::set_pose(std::declval<M&>(), std::declval<keyframe_of<T>>(),
+                                                           std::declval<const rigid_transform<double>&>()))>;
 template <class M, class T>
-using map_counts_member = std::void_t<
-    decltype(T::octave_counts(std::declval<const M&>(), std::declval<point_of<T>>()).size()),
-    decltype(T::change_octave_count(std::declval<M&>(), std::declval<point_of<T>>(), int{}, int{}))>;
+using map_counts_member =
+    std::void_t<decltype(T::octave_counts(std::declval<const M&>(), std::declval<point_of<T>>()).size()),
+                decltype(T::change_octave_count(std::declval<M&>(), std::declval<point_of<T>>(), int{}, int{}))>;
 template <class M, class T>
 using map_reserve_member =
     decltype(T::reserve_observations(std::declval<M&>(), std::declval<point_of<T>>(), std::size_t{}));
@@ -169,10 +170,9 @@ using map_found_member = decltype(T::found_ratio(std::declval<const M&>(), std::
 template <class M, class T>
 using map_may_erase_member = decltype(T::may_erase(std::declval<const M&>(), std::declval<keyframe_of<T>>()));
 template <class M, class T>
-using map_temporal_member =
-    std::void_t<decltype(T::time(std::declval<const M&>(), std::declval<keyframe_of<T>>())),
-                decltype(T::previous(std::declval<const M&>(), std::declval<keyframe_of<T>>())),
-                decltype(T::next(std::declval<const M&>(), std::declval<keyframe_of<T>>()))>;
+using map_temporal_member = std::void_t<decltype(T::time(std::declval<const M&>(), std::declval<keyframe_of<T>>())),
+                                        decltype(T::previous(std::declval<const M&>(), std::declval<keyframe_of<T>>())),
+                                        decltype(T::next(std::declval<const M&>(), std::declval<keyframe_of<T>>()))>;
 template <class M, class T>
 using map_guard_member = decltype(T::guard(std::declval<M&>()));
 template <class M, class T>
@@ -198,19 +198,22 @@ constexpr bool require_map_traits() {
   constexpr bool there = !detail::has_member<detail::not_specialised_member, M, T>::value;  // says one thing at a time
   static_assert(there, "turbomap: specialise turbomap::map_traits for your map type; see docs/map.md");
   constexpr bool named = there && detail::has_member<detail::map_names_member, M, T>::value;
-  static_assert(!there || named,
-                "turbomap: map_traits needs `using keyframe`, `using point`, `using descriptor` and `using camera`; see "
-                "docs/map.md");
+  static_assert(
+      !there || named,
+      "turbomap: map_traits needs `using keyframe`, `using point`, `using descriptor` and `using camera`; see "
+      "docs/map.md");
   if constexpr (named) {
-    static_assert(detail::has_member<detail::map_keyframe_member, M, T>::value,
-                  "turbomap: map_traits lacks one of the reads of a keyframe: id, alive, pose, keypoint_count, keypoint, "
-                  "point_at; see docs/map.md");
+    static_assert(
+        detail::has_member<detail::map_keyframe_member, M, T>::value,
+        "turbomap: map_traits lacks one of the reads of a keyframe: id, alive, pose, keypoint_count, keypoint, "
+        "point_at; see docs/map.md");
     static_assert(detail::has_member<detail::map_point_member, M, T>::value,
                   "turbomap: map_traits lacks one of the reads of a point: id, alive, replacement, position, normal, "
                   "min_distance, max_distance, descriptor_data, reference; see docs/map.md");
-    static_assert(detail::has_member<detail::map_observations_member, M, T>::value,
-                  "turbomap: map_traits needs `template <class F> static void for_each_observation(const Map&, point, F "
-                  "f)`, which calls f(keyframe, keypoint); see docs/map.md");
+    static_assert(
+        detail::has_member<detail::map_observations_member, M, T>::value,
+        "turbomap: map_traits needs `template <class F> static void for_each_observation(const Map&, point, F "
+        "f)`, which calls f(keyframe, keypoint); see docs/map.md");
     static_assert(detail::has_member<detail::map_write_member, M, T>::value,
                   "turbomap: map_traits lacks one of the writes: add_point, set_appearance, set_reference, set_point, "
                   "add_observation, erase_observation, retire, erase_keyframe; see docs/map.md");

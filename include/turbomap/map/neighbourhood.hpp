@@ -18,11 +18,11 @@ namespace turbomap {
 
 /// Options of the neighbourhood. Defaults are those of [ORB-SLAM3].
 struct neighbourhood_options {
-  int min_shared_points = 15;    ///< keyframes that share fewer are not covisible, unless no other is
-  int neighbours = 10;           ///< best covisible keyframes; 30 without stereo depth
-  int temporal_neighbours = 0;   ///< predecessors in time are added while there are fewer; 11 for inertial systems
-  int second_neighbours = 20;    ///< duplicates are also looked for in so many covisible keyframes of each neighbour
-  int temporal_targets = 0;      ///< predecessors in time are added while there are fewer targets; 20 inertial
+  int min_shared_points = 15;   ///< keyframes that share fewer are not covisible, unless no other is
+  int neighbours = 10;          ///< best covisible keyframes; 30 without stereo depth
+  int temporal_neighbours = 0;  ///< predecessors in time are added while there are fewer; 11 for inertial systems
+  int second_neighbours = 20;   ///< duplicates are also looked for in so many covisible keyframes of each neighbour
+  int temporal_targets = 0;     ///< predecessors in time are added while there are fewer targets; 20 inertial
 };
 
 }  // namespace turbomap
@@ -60,15 +60,15 @@ class neighbourhood {
     };
     for (const keyframe n : neighbours_) add(n);
     for (const keyframe n : neighbours_)
-      for (const auto& c :
-           covisibility_(map, n, options.min_shared_points, limit(options.second_neighbours)))
+      for (const auto& c : covisibility_(map, n, options.min_shared_points, limit(options.second_neighbours)))
         add(c.keyframe);
     add_predecessors(map, query, options.temporal_targets, targets_);
     return targets_;
   }
 
   /// All covisible keyframes of `query`, most shared points first.
-  const std::vector<keyframe>& covisible_keyframes(const Map& map, keyframe query, const neighbourhood_options& options) {
+  const std::vector<keyframe>& covisible_keyframes(const Map& map, keyframe query,
+                                                   const neighbourhood_options& options) {
     targets_.clear();
     for (const auto& c : covisibility_(map, query, options.min_shared_points)) targets_.push_back(c.keyframe);
     return targets_;

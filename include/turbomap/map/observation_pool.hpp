@@ -86,10 +86,9 @@ class observation_pool {
     if (head != no_block) {
       const std::size_t begin = head;
       const observation& link = elements_[begin];
-      head = link.keyframe < 0
-                 ? no_block
-                 : (static_cast<std::size_t>(static_cast<std::uint32_t>(link.keyframe)) << 31) |
-                       static_cast<std::size_t>(static_cast<std::uint32_t>(link.keypoint) & 0x7FFFFFFFu);
+      head = link.keyframe < 0 ? no_block
+                               : (static_cast<std::size_t>(static_cast<std::uint32_t>(link.keyframe)) << 31) |
+                                     static_cast<std::size_t>(static_cast<std::uint32_t>(link.keypoint) & 0x7FFFFFFFu);
       return begin;
     }
     const std::size_t begin = elements_.size();

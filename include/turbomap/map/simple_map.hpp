@@ -84,7 +84,9 @@ class simple_map {
   bool alive(map_keyframe_id k) const {
     return keyframe_places_.known(k.index, k.generation) && keyframe_places_.alive(k.index);
   }
-  bool alive(map_point_id p) const { return point_places_.known(p.index, p.generation) && point_places_.alive(p.index); }
+  bool alive(map_point_id p) const {
+    return point_places_.known(p.index, p.generation) && point_places_.alive(p.index);
+  }
   std::size_t keyframe_count() const { return keyframe_places_.alive_count(); }
   std::size_t point_count() const { return point_places_.alive_count(); }
   /// Of all points. O(points).

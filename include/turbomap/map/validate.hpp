@@ -32,14 +32,22 @@ enum class map_fault : std::uint8_t {
 
 inline const char* to_string(map_fault fault) {
   switch (fault) {
-    case map_fault::slot_of_dead_point: return "a slot holds a point that is not alive";
-    case map_fault::slot_without_observation: return "a slot holds a point that does not list the keypoint";
-    case map_fault::observation_without_slot: return "an observation whose slot does not hold the point";
-    case map_fault::observer_not_alive: return "an observation by a keyframe that is not alive";
-    case map_fault::keypoint_out_of_range: return "an observation by a keypoint that the keyframe does not have";
-    case map_fault::seen_twice_by_camera: return "a camera sees the point by two keypoints";
-    case map_fault::octave_out_of_range: return "an octave beyond the counts of the point";
-    case map_fault::wrong_octave_counts: return "the counts by octave differ from the observations";
+    case map_fault::slot_of_dead_point:
+      return "a slot holds a point that is not alive";
+    case map_fault::slot_without_observation:
+      return "a slot holds a point that does not list the keypoint";
+    case map_fault::observation_without_slot:
+      return "an observation whose slot does not hold the point";
+    case map_fault::observer_not_alive:
+      return "an observation by a keyframe that is not alive";
+    case map_fault::keypoint_out_of_range:
+      return "an observation by a keypoint that the keyframe does not have";
+    case map_fault::seen_twice_by_camera:
+      return "a camera sees the point by two keypoints";
+    case map_fault::octave_out_of_range:
+      return "an octave beyond the counts of the point";
+    case map_fault::wrong_octave_counts:
+      return "the counts by octave differ from the observations";
   }
   return "";
 }

@@ -22,8 +22,9 @@ namespace turbomap {
 /// Options of local_mapper. As they come: stereo without an inertial unit, [ORB-SLAM3]'s values.
 struct local_mapper_options {
   per_stage<bool> enabled{{true, true, true, true, true, true, true}};  ///< for ablation
-  double stereo_baseline = 0;  ///< m: neighbours nearer than this are not searched; 0: monocular, the median depth decides
-  double deadline_ms = 0;      ///< per keyframe; work that is expected to overrun is cut at a safe point. 0: none
+  double stereo_baseline =
+      0;                   ///< m: neighbours nearer than this are not searched; 0: monocular, the median depth decides
+  double deadline_ms = 0;  ///< per keyframe; work that is expected to overrun is cut at a safe point. 0: none
   neighbourhood_options neighbourhood;
   neighbour_options baseline_rule;
   search_options search;

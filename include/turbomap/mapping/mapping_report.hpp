@@ -58,15 +58,15 @@ struct mapping_report {
   per_stage<stage_outcome> outcome;
   per_stage<guard_times> held;  ///< the map's guard
   double total_ms = 0;
-  std::size_t neighbours = 0;   ///< searched for correspondences
-  std::size_t matches = 0;      ///< correspondences found
+  std::size_t neighbours = 0;  ///< searched for correspondences
+  std::size_t matches = 0;     ///< correspondences found
   std::size_t points_created = 0;
-  std::size_t points_culled = 0;    ///< on probation
+  std::size_t points_culled = 0;  ///< on probation
   std::size_t fusion_targets = 0;
   fusion_summary fused;
-  std::size_t points_updated = 0;   ///< whose appearance was computed anew
+  std::size_t points_updated = 0;               ///< whose appearance was computed anew
   std::vector<std::uint64_t> keyframes_culled;  ///< ids
-  bool cut = false;             ///< the deadline cut a stage
+  bool cut = false;                             ///< the deadline cut a stage
 };
 
 /// Times of one stage over many keyframes.

@@ -76,8 +76,8 @@ class neighbour_matching {
   void search_again(context<Policy>& ctx, const search_options& options, matches_type& result) const {
     require(!pinned_.empty(), "keyframes of the search", pinned_.size(), "have been released");
     search_correspondences(ctx, posed_[0],
-                           span<const posed_keyframe<descriptor, camera>>(posed_.data() + 1, posed_.size() - 1), options,
-                           result);
+                           span<const posed_keyframe<descriptor, camera>>(posed_.data() + 1, posed_.size() - 1),
+                           options, result);
   }
 
   /// Creates points of the matches and commits them. \param created  appended. Returns the number of matches.

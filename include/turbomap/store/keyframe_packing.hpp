@@ -181,7 +181,7 @@ void pack_field(const keyframe_layout& layout, std::size_t offset, std::byte* bl
 /// between arrays are zero, so equal keyframes packed after the same ones are equal blocks.
 template <class Descriptor, class Camera>
 void pack_keyframe(const keyframe_data<Descriptor, Camera>& data, const keyframe_layout& layout,
-          keyframe_packing_scratch& scratch, std::byte* block) {
+                   keyframe_packing_scratch& scratch, std::byte* block) {
   using detail::pack_field;
   const keypoint* k = data.keypoints;
   std::memset(block, 0, layout.bytes);

@@ -79,7 +79,8 @@ bool has_cameras(const keyframe_view<Descriptor, Camera>& view) {
 template <class Descriptor, class Camera>
 void require_cameras(const keyframe_view<Descriptor, Camera>& view, const char* argument) {
   if (!has_cameras(view))
-    reject((std::string(argument) + ".camera").c_str(), int{detail::most_camera(view)}, "must be below the number of cameras");
+    reject((std::string(argument) + ".camera").c_str(), int{detail::most_camera(view)},
+           "must be below the number of cameras");
 }
 
 /// Throws std::invalid_argument naming argument, index and value when the keyframe cannot be stored: missing arrays, no

@@ -1,0 +1,15 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// turbomap-replay under the policy thrust::tbb::par.
+
+#include <thrust/system/tbb/execution_policy.h>
+
+#include "run.hpp"
+
+namespace turbomap_replay {
+
+outcome run_tbb(const arguments& arguments) { return run(thrust::tbb::par, arguments); }
+
+}  // namespace turbomap_replay
