@@ -17,6 +17,7 @@
 #include "../map/map_traits.hpp"
 #include "../map/observation_counts.hpp"
 #include "../map/validate.hpp"
+#include "../math/strict.hpp"
 #include "../span.hpp"
 
 namespace turbomap {
@@ -141,9 +142,13 @@ bool leaves_gap(const Map& map, typename map_traits<Map>::keyframe keyframe, con
   const auto before = traits::previous(map, keyframe), after = traits::next(map, keyframe);
   const typename traits::keyframe none{};
   if (before == none || after == none) return true;
-  const double gap = traits::time(map, after) - traits::time(map, before);
+  // Rounded first: a time that the traits compute by a product must not be fused with the difference, or gaps of exactly the
+  // limit would be decided by the compiler's flags.
+  const double end = detail::rounded(static_cast<double>(traits::time(map, after)));
+  const double begin = detail::rounded(static_cast<double>(traits::time(map, before)));
+  const decision gap = decision(end) - decision(begin);
   const bool old = options.inertial_initialised && id < state.old_before;
-  return !(gap < options.max_gap || (old && gap < options.max_old_gap));
+  return !(gap < decision(options.max_gap) || (old && gap < decision(options.max_old_gap)));
 }
 
 /// Looks at each candidate in the given order (covisibility, most shared points first) and takes out those that are

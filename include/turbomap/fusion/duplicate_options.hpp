@@ -32,7 +32,7 @@ struct duplicate_options {
 
 /// What became of one point in one camera of one target. The tests come in the order skipped, behind ...
 /// no_consistent_keypoint, too_different; the numbers are those of the recordings.
-enum class duplicate_outcome : std::uint8_t {
+enum class duplicate_outcome : std::uint16_t {  // 16 bits: a trial has no bytes that nobody writes
   matched = 0,
   too_different = 1,           ///< the best keypoint is farther than max_distance
   skipped = 3,                 ///< the caller said so
