@@ -74,7 +74,7 @@ int main(int argc, char** argv) try {
       ->check(CLI::IsMember({"exhaustive", "ordered", "grouped"}));
   app.add_flag("--serial-fusion", a.serial_fusion, "fuse camera by camera, each search after the commit before it");
   app.add_flag("--queue", a.queue, "keyframes come in recorded time: stages are skipped while one waits");
-  app.add_option("--numbers", a.numbers, "what adjustments compute in")
+  app.add_option("--precision", a.numbers, "what adjustments compute in")
       ->check(CLI::IsMember({"float64", "mixed", "float32"}));
   app.add_option("--merges", a.merges, "what fusion does with points that a camera sees at two keypoints")
       ->check(CLI::IsMember({"refuse", "apart", "drop"}));

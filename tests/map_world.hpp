@@ -211,7 +211,7 @@ class map_world : public map_pair<Map> {
     for (const oracle_id k : target_ids) targets.push_back(keyframes_[k]);
     for (const oracle_id p : point_ids) points.push_back(points_[p]);
     std::vector<turbomap::duplicate<std::int32_t>> plan;
-    std::vector<oracle_duplicate> oracle_plan;
+    std::vector<oracle_entry> oracle_plan;
     for (std::size_t n = 1 + e.b % 8; n > 0; --n) {
       const std::size_t t = draw(targets.size()), p = draw(points.size());
       const auto alive = oracle_.keyframes.find(target_ids[t]);

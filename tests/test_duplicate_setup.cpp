@@ -8,37 +8,16 @@
 #include <thrust/system/tbb/execution_policy.h>
 
 #include <atomic>
-#include <cstdlib>
 #include <functional>
 #include <initializer_list>
 #include <limits>
-#include <new>
 #include <stdexcept>
 #include <string>
 #include <thread>
 
+#include "counted_new.hpp"
 #include "duplicate_cases.hpp"
 #include "keyframe_samples.hpp"
-
-// Every allocation of this program is counted.
-namespace {
-std::atomic<long> allocations{0};
-void* counted(std::size_t bytes, std::size_t alignment) {
-  ++allocations;
-  bytes = (bytes + alignment - 1) / alignment * alignment;
-  void* memory = std::aligned_alloc(alignment, bytes == 0 ? alignment : bytes);
-  if (memory == nullptr) throw std::bad_alloc();
-  return memory;
-}
-}  // namespace
-[[gnu::noinline]] void* operator new(std::size_t n) { return counted(n, alignof(std::max_align_t)); }
-[[gnu::noinline]] void* operator new(std::size_t n, std::align_val_t a) {
-  return counted(n, static_cast<std::size_t>(a));
-}
-[[gnu::noinline]] void operator delete(void* p) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
 
 namespace {
 

@@ -281,7 +281,7 @@ void check_random(std::uint32_t seed) {
   std::set<int> kinds;
   for (int round = 0; round < 3; ++round) {
     std::vector<entry> plan;
-    std::vector<oracle_duplicate> expected_plan;
+    std::vector<oracle_entry> expected_plan;
     for (int n = 0; n < 150; ++n) {
       const oracle_id point = random() % points;
       const oracle_view v{random() % keyframes,

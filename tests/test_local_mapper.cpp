@@ -14,7 +14,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstddef>
-#include <cstdlib>
 #include <limits>
 #include <new>
 #include <random>
@@ -23,30 +22,10 @@
 #include <thread>
 #include <vector>
 
+#include "counted_new.hpp"
 #include "local_mapper_cases.hpp"
 #include "lying_map.hpp"
 #include "watched_map.hpp"
-
-// An allocation of this program fails when it is told to.
-namespace {
-std::atomic<long> allocations_left{std::numeric_limits<long>::max()};
-void* limited(std::size_t bytes, std::size_t alignment) {
-  if (allocations_left-- <= 0) throw std::bad_alloc();
-  bytes = (bytes + alignment - 1) / alignment * alignment;
-  void* memory = std::aligned_alloc(alignment, bytes == 0 ? alignment : bytes);
-  if (memory == nullptr) throw std::bad_alloc();
-  return memory;
-}
-}  // namespace
-// Out of line: a compiler that inlines only one of the two sees aligned_alloc() freed by operator delete.
-[[gnu::noinline]] void* operator new(std::size_t n) { return limited(n, alignof(std::max_align_t)); }
-[[gnu::noinline]] void* operator new(std::size_t n, std::align_val_t a) {
-  return limited(n, static_cast<std::size_t>(a));
-}
-[[gnu::noinline]] void operator delete(void* p) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
 
 namespace {
 
@@ -607,14 +586,6 @@ TEST_CASE("another thread edits the map under the guard") {
   CHECK(created > 0);
   CHECK(r.sound());
 }
-
-/// Lets allocation number `n` from now on fail, and all after it until it is destroyed.
-struct no_memory_after {
-  explicit no_memory_after(long n) { allocations_left = n; }
-  no_memory_after(const no_memory_after&) = delete;
-  no_memory_after& operator=(const no_memory_after&) = delete;
-  ~no_memory_after() { allocations_left = std::numeric_limits<long>::max(); }
-};
 
 /// Whether process() ran out of memory at its n-th allocation.
 template <class Run>

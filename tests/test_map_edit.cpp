@@ -12,31 +12,15 @@
 #include <turbomap/map/validate.hpp>
 
 #include <cstddef>
-#include <cstdlib>
 #include <limits>
 #include <new>
 #include <utility>
 #include <vector>
 
+#include "counted_new.hpp"
 #include "lying_map.hpp"
 #include "map_scene.hpp"
 #include "pointer_map.hpp"
-
-namespace {
-std::size_t allowed = std::numeric_limits<std::size_t>::max();  ///< allocations until one fails
-
-void* counted(std::size_t n) {
-  if (allowed == 0) throw std::bad_alloc();
-  --allowed;
-  if (void* p = std::malloc(n)) return p;
-  throw std::bad_alloc();
-}
-}  // namespace
-
-// Out of line: a compiler that inlines only one of the two sees malloc() freed by operator delete.
-[[gnu::noinline]] void* operator new(std::size_t n) { return counted(n); }
-[[gnu::noinline]] void operator delete(void* p) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept { std::free(p); }
 
 namespace {
 
@@ -214,11 +198,11 @@ TEST_CASE_TEMPLATE("a keyframe that goes names each point that lives on, once", 
 
 TEST_CASE("out of memory: an edit is done or not begun") {
   int refused = 0;
-  for (std::size_t until = 0;; ++until) {
+  for (long until = 0;; ++until) {
     scene<flat_map> s(12, 2);
     for (std::size_t i = 0; i < 6; ++i) s.observe(0, i, 0), s.observe(1, 6 + i, 0);
     const auto before = everything(s.map);
-    allowed = until;
+    allocations_left = until;
     bool done = true;
     try {
       s.merge(0, 1);
@@ -227,7 +211,7 @@ TEST_CASE("out of memory: an edit is done or not begun") {
     } catch (const std::bad_alloc&) {
       done = false;
     }
-    allowed = std::numeric_limits<std::size_t>::max();
+    allocations_left = no_limit;
     if (done) break;
     ++refused;
     CHECK(everything(s.map) == before);
@@ -240,13 +224,13 @@ TEST_CASE("out of memory in a commit: before it, or between two entries") {
   const std::vector<entry> plan{{9, 1, 2, 4, 1}, {0, 0, 1, 0, 1}, {0, 1, 0, 4, 1},
                                 {1, 1, 0, 4, 1}, {7, 0, 2, 0, 1}, {2, 1, 2, 4, 1}};
   int refused = 0, cut = 0;
-  for (std::size_t until = 0;; ++until) {
+  for (long until = 0;; ++until) {
     scene<flat_map> s(12, 3);
     for (std::size_t i = 0; i < 6; ++i) s.observe(0, i, 0), s.observe(1, 6 + i, 0);
     s.observe(2, 3, 1);
     const auto before = everything(s.map);
     turbomap::fusion_commit<flat_map> commit;
-    allowed = until;
+    allocations_left = until;
     bool done = true;
     try {
       commit(s.map, turbomap::span<const entry>(plan), turbomap::span<const turbomap::map_keyframe_id>(s.k),
@@ -254,7 +238,7 @@ TEST_CASE("out of memory in a commit: before it, or between two entries") {
     } catch (const std::bad_alloc&) {
       done = false;
     }
-    allowed = std::numeric_limits<std::size_t>::max();
+    allocations_left = no_limit;
     CHECK(turbomap::validate(s.map).empty());
     for (std::size_t i = 0; i < 12; ++i) CHECK(s.at(i, 0) != turbomap::map_point_id{});  // nothing is lost
     if (done) break;

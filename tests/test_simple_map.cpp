@@ -12,31 +12,14 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstdlib>
 #include <limits>
 #include <new>
 #include <stdexcept>
 #include <vector>
 
+#include "counted_new.hpp"
 #include "lying_map.hpp"
 #include "map_scene.hpp"
-
-namespace {
-std::size_t allocations = 0;
-std::size_t allowed = std::numeric_limits<std::size_t>::max();  ///< allocations until one fails
-
-void* counted(std::size_t n) {
-  if (allowed == 0) throw std::bad_alloc();
-  --allowed, ++allocations;
-  if (void* p = std::malloc(n)) return p;
-  throw std::bad_alloc();
-}
-}  // namespace
-
-// Out of line: a compiler that inlines only one of the two sees malloc() freed by operator delete.
-[[gnu::noinline]] void* operator new(std::size_t n) { return counted(n); }
-[[gnu::noinline]] void operator delete(void* p) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept { std::free(p); }
 
 namespace {
 
@@ -216,10 +199,10 @@ TEST_CASE("the chain in time holds through insertion and removal") {
 
 TEST_CASE("memory grows by doubling: few allocations for many points and keyframes") {
   flat_map map;
-  const std::size_t before = allocations;
+  const long before = allocations;
   for (int i = 0; i < 20000; ++i) map.add_point({});
   CHECK(allocations - before < 400);
-  const std::size_t middle = allocations;
+  const long middle = allocations;
   for (int i = 0; i < 2000; ++i) map.add_keyframe({}, {});
   CHECK(allocations - middle < 200);
 }
@@ -231,15 +214,15 @@ TEST_CASE("out of memory leaves the map as it was") {
   int refused = 0;
   for (const bool point : {true, false}) {
     const auto before = everything(map);
-    for (std::size_t until = 0;; ++until) {
-      allowed = until;
+    for (long until = 0;; ++until) {
+      allocations_left = until;
       bool done = true;
       try {
         point ? static_cast<void>(map.add_point({})) : static_cast<void>(map.add_keyframe(keypoints, {}));
       } catch (const std::bad_alloc&) {
         done = false;
       }
-      allowed = std::numeric_limits<std::size_t>::max();
+      allocations_left = no_limit;
       if (done) break;
       ++refused;
       CHECK(everything(map) == before);

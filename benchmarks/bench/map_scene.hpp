@@ -12,6 +12,8 @@
 #include <optional>
 #include <vector>
 
+#include <thrust/execution_policy.h>
+
 #include <reference/serial_fusion_oracle.hpp>
 
 #include <turbomap/map/appearance_update.hpp>

@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include <thrust/execution_policy.h>
+
 #include <nlohmann/json.hpp>
 
 #include <reference/creation_oracle.hpp>

@@ -12,7 +12,7 @@
 namespace turbomap_test {
 
 /// A point was found at a keypoint.
-struct oracle_duplicate {
+struct oracle_entry {
   oracle_id point;
   oracle_view view;
 };
@@ -33,10 +33,10 @@ struct oracle_commit {
   std::vector<oracle_id> survivors;  ///< of merges, in order
 };
 
-inline oracle_commit commit_duplicates(map_oracle& map, const std::vector<oracle_duplicate>& plan,
+inline oracle_commit commit_duplicates(map_oracle& map, const std::vector<oracle_entry>& plan,
                                        const oracle_merge_rule& rule) {
   oracle_commit result;
-  for (const oracle_duplicate& entry : plan) {
+  for (const oracle_entry& entry : plan) {
     const auto one = [&]() -> int {
       const auto candidate = map.resolve(entry.point);
       if (!candidate || map.keyframes.count(entry.view.first) == 0) return oracle_stale;

@@ -111,12 +111,6 @@ class local_adjustment {
   const std::vector<point>& points() const { return points_; }
 
  private:
-  static rigid_transform<double> pose_of(const Map& map, keyframe k) {
-    const auto& T = traits::pose(map, k);
-    rigid_transform<double> r;
-    r.qx = T.qx, r.qy = T.qy, r.qz = T.qz, r.qw = T.qw, r.tx = T.tx, r.ty = T.ty, r.tz = T.tz;
-    return r;
-  }
   static bool same(const rigid_transform<double>& a, const rigid_transform<double>& b) {
     return a.qx == b.qx && a.qy == b.qy && a.qz == b.qz && a.qw == b.qw && a.tx == b.tx && a.ty == b.ty && a.tz == b.tz;
   }

@@ -37,10 +37,7 @@ class keyframe_selection {
     if (known != id_table::none) return known;
     keyframe_handle handle;
     if (!stored.find(id, handle)) return id_table::none;
-    const auto& T = traits::pose(map, k);
-    rigid_transform<double> T_cw;
-    T_cw.qx = T.qx, T_cw.qy = T.qy, T_cw.qz = T.qz, T_cw.qw = T.qw;
-    T_cw.tx = T.tx, T_cw.ty = T.ty, T_cw.tz = T.tz;
+    const auto T_cw = pose_of(map, k);
     keyframes_.push_back(k), ids_.push_back(id);
     T_cw_.push_back(T_cw);
     handles_.push_back(handle);

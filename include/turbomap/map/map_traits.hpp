@@ -221,6 +221,16 @@ constexpr bool require_map_traits() {
   return has_map_traits_v<Map>;
 }
 
+/// The pose of a keyframe in double, whatever scalar the map has.
+template <class Map>
+rigid_transform<double> pose_of(const Map& map, typename map_traits<Map>::keyframe keyframe) {
+  const auto& T = map_traits<Map>::pose(map, keyframe);
+  rigid_transform<double> T_cw;
+  T_cw.qx = T.qx, T_cw.qy = T.qy, T_cw.qz = T.qz, T_cw.qw = T.qw;
+  T_cw.tx = T.tx, T_cw.ty = T.ty, T_cw.tz = T.tz;
+  return T_cw;
+}
+
 /// Holds the user's guard of the map, if there is one, while it lives.
 template <class Map>
 auto map_guard([[maybe_unused]] Map& map) {

@@ -103,9 +103,7 @@ class neighbour_matching {
  private:
   bool suffices(const Map& map, const rigid_transform<double>& T_query, keyframe n, double stereo_baseline,
                 const neighbour_options& rule) {
-    const auto& T = traits::pose(map, n);
-    rigid_transform<double> T_n;
-    T_n.qx = T.qx, T_n.qy = T.qy, T_n.qz = T.qz, T_n.qw = T.qw, T_n.tx = T.tx, T_n.ty = T.ty, T_n.tz = T.tz;
+    const auto T_n = pose_of(map, n);
     if (stereo_baseline > 0) return baseline_suffices_stereo(T_query, T_n, stereo_baseline);
     points_.clear();
     for (std::size_t i = 0; i < traits::keypoint_count(map, n); ++i) {
