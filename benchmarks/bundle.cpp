@@ -45,7 +45,10 @@ int main(int argc, char** argv) try {
   app.add_option("--kernel", a.kernel, "robust kernel: none for bal, else huber (5.991, stereo 7.815) when not given")
       ->check(CLI::IsMember({"huber", "none"}));
   app.add_option("--iterations", a.iterations, "at most so many")->check(CLI::NonNegativeNumber);
-  app.add_option("--lambda-scale", a.lambda_scale, "first damping, relative to the largest diagonal element")
+  app.add_option("--damping", a.damping, "of H: lambda I, or lambda diag(H), which is the default but for lba")
+      ->check(CLI::IsMember({"identity", "diagonal"}));
+  app.add_option("--lambda-scale", a.lambda_scale,
+                 "first damping: 1e-5 of the largest diagonal element, or 1e-4 of each, when not given")
       ->check(CLI::PositiveNumber);
   app.add_option("--repeat", a.repeat, "adjust so many times; times are medians without the first")
       ->check(CLI::PositiveNumber);

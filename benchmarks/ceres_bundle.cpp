@@ -61,7 +61,10 @@ int main(int argc, char** argv) try {
   app.add_option("--kernel", a.kernel, "none for bal, else huber when not given")
       ->check(CLI::IsMember({"huber", "none"}));
   app.add_option("--iterations", a.iterations, "at most so many")->check(CLI::NonNegativeNumber);
-  app.add_option("--lambda-scale", a.lambda_scale, "first damping, relative to the largest diagonal element")
+  app.add_option("--damping", a.damping, "of H: lambda I, or lambda diag(H), which is the default but for lba")
+      ->check(CLI::IsMember({"identity", "diagonal"}));
+  app.add_option("--lambda-scale", a.lambda_scale,
+                 "first damping: 1e-5 of the largest diagonal element, or 1e-4 of each, when not given")
       ->check(CLI::PositiveNumber);
   app.add_option("--repeat", a.repeat, "adjust so many times in turns; times are medians")->check(CLI::PositiveNumber);
   app.add_option("--perturb-m", a.perturb_m, "noise added to free positions and landmarks (not bal)");
@@ -73,7 +76,8 @@ int main(int argc, char** argv) try {
     if (e.get_exit_code() == 0) return app.exit(e);  // --help
     throw;
   }
-  auto json = std::visit(compare{a}, load(a, format_of(a.input)));
+  const std::string format = format_of(a.input);
+  auto json = std::visit(compare{with_damping(a, format)}, load(a, format));
   json["file"] = a.input.string();
   std::printf("%s\n", json.dump(2).c_str());
   if (!a.json.empty()) {

@@ -21,7 +21,8 @@ struct arguments {
   std::string precision = "float64";  ///< float64, mixed, float32
   std::string kernel;                 ///< huber, none; empty: none for bal, else huber
   int iterations = 10;
-  double lambda_scale = 1e-5;  ///< first damping, relative to the largest diagonal element
+  std::string damping;                ///< identity, diagonal; empty: identity for lba, else diagonal
+  double lambda_scale = 0;  ///< first damping, relative to the largest diagonal element, or to each; 0: 1e-5, 1e-4
   int repeat = 1;
   double perturb_m = 0, perturb_rad = 0;  ///< noise added to what is free, before the adjustment
   unsigned seed = 1;

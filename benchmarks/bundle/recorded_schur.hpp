@@ -13,6 +13,7 @@
 #include <vector>
 
 #include <turbomap/adjustment/linear_solver.hpp>
+#include <turbomap/adjustment/reduced_system.hpp>
 #include <turbomap/adjustment/schur.hpp>
 #include <turbomap/adjustment/structure.hpp>
 #include <turbomap/adjustment/uploaded.hpp>
@@ -47,8 +48,9 @@ class recorded_schur {
     matrix.resize_discard(static_cast<std::size_t>(padded) * static_cast<std::size_t>(padded));
     right.resize_discard(static_cast<std::size_t>(padded));
     turbomap::fill_bytes(ctx_.policy(), matrix.data(), 0, matrix.size() * sizeof(double));
-    turbomap::for_each_index(ctx_.policy(), landmarks_, turbomap::eliminate_landmarks<double, V>{view_, lambda});
-    turbomap::launch_reduction<double, V, D>(ctx_.policy(), view_, {matrix.data(), right.data(), padded, true}, lambda);
+    turbomap::for_each_index(ctx_.policy(), landmarks_, turbomap::eliminate_landmarks<double, V>{view_, {lambda}});
+    turbomap::launch_reduction<double, V, D>(ctx_.policy(), view_, {matrix.data(), right.data(), padded, true},
+                                             {lambda});
     std::vector<double> full(matrix.size()), b(right.size());
     turbomap::copy_out(ctx_.policy(), full.data(), matrix.data(), full.size() * sizeof(double));
     turbomap::copy_out(ctx_.policy(), b.data(), right.data(), b.size() * sizeof(double));
@@ -76,7 +78,7 @@ class recorded_schur {
     const int groups = (landmarks_ + functor::landmarks_an_index - 1) / functor::landmarks_an_index;
     gain.resize_discard(at(groups));
     turbomap::for_each_index(ctx_.policy(), groups,
-                             functor{view_, x.data(), 0, zero.data(), to.data(), gain.data(), landmarks_});
+                             functor{view_, x.data(), {0}, zero.data(), to.data(), gain.data(), landmarks_});
     std::vector<double> moved(to.size()), xl;
     turbomap::copy_out(ctx_.policy(), moved.data(), to.data(), moved.size() * sizeof(double));
     ctx_.synchronize();

@@ -17,9 +17,17 @@
 
 namespace turbomap_bundle {
 
+/// Local windows are damped as SLAM systems do it, problems of other kinds as Ceres does it.
+inline arguments with_damping(arguments a, const std::string& format) {
+  if (a.damping.empty()) a.damping = format == "lba" ? "identity" : "diagonal";
+  if (!(a.lambda_scale > 0)) a.lambda_scale = a.damping == "identity" ? 1e-5 : 1e-4;
+  return a;
+}
+
 inline turbomap::adjustment_options options_of(const arguments& a) {
   turbomap::adjustment_options o;
   o.max_iterations = a.iterations, o.initial_lambda_scale = a.lambda_scale;
+  o.damping = a.damping == "diagonal" ? turbomap::damping_rule::diagonal : turbomap::damping_rule::identity;
   using solver = turbomap::reduced_solver;
   o.solver = a.solver == "dense"    ? solver::dense
              : a.solver == "sparse" ? solver::sparse
@@ -91,13 +99,15 @@ struct adjust_loaded {
 
 /// Throws bad_file for an input that cannot be read.
 template <class Policy>
-outcome run(const Policy& policy, const arguments& a) {
-  const std::string format = a.format.empty() ? format_of(a.input) : a.format;
+outcome run(const Policy& policy, const arguments& given) {
+  const std::string format = given.format.empty() ? format_of(given.input) : given.format;
+  const arguments a = with_damping(given, format);
   outcome o;
   o.json = std::visit(adjust_loaded<Policy>{policy, a}, load(a, format));
   o.good = o.json.value("good", true);
   o.json["file"] = a.input.string(), o.json["format"] = format, o.json["policy"] = a.policy;
   o.json["solver"] = a.solver, o.json["precision"] = a.precision;
+  o.json["damping"] = a.damping;
   return o;
 }
 

@@ -6,6 +6,15 @@
 /// All of the library but io/ (files) and interop/ (other libraries' types), which bring dependencies of their own. Each
 /// header also stands alone: include what you use where compile time matters.
 
+#include "adjustment/covariance.hpp"
+#include "adjustment/factors.hpp"
+#include "adjustment/frames.hpp"
+#include "adjustment/levenberg_marquardt.hpp"
+#include "adjustment/local_adjustment.hpp"
+#include "adjustment/motion_only.hpp"
+#include "adjustment/options.hpp"
+#include "adjustment/problem.hpp"
+#include "adjustment/robust.hpp"
 #include "array.hpp"
 #include "camera/any_camera.hpp"
 #include "camera/brown_conrady.hpp"

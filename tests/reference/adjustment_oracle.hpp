@@ -3,8 +3,7 @@
 #pragma once
 
 /// \file
-/// The oracle of bundle adjustment: dense normal equations of all unknowns, without the Schur complement, derivatives
-/// by
+/// The oracle of bundle adjustment: dense normal equations of all unknowns, without the Schur complement, derivatives by
 /// central differences, Levenberg-Marquardt with Nielsen's damping. Written for reading; it uses none of the library.
 
 #include <algorithm>
@@ -153,22 +152,26 @@ struct oracle_problem {
   }
 };
 
-/// Adjusts for so many iterations (one linearisation with all its retries). \return the cost after each
-inline std::vector<double> oracle_adjust(oracle_problem& problem, int iterations) {
+/// Adjusts for so many iterations (one linearisation with all its retries). `scaled`: damps by lambda diag(H), not
+/// lambda I. \return the cost after each
+inline std::vector<double> oracle_adjust(oracle_problem& problem, int iterations, bool scaled = false) {
   std::vector<double> costs;
   double cost = problem.cost(), lambda = 0;
   for (int i = 0; i < iterations; ++i) {
     Eigen::MatrixXd H;
     Eigen::VectorXd b;
     problem.normal_equations(H, b);
-    if (i == 0) lambda = 1e-5 * H.diagonal().maxCoeff();
+    Eigen::VectorXd damping = Eigen::VectorXd::Ones(H.rows());
+    if (scaled) damping = H.diagonal().cwiseMax(1e-6);
+    if (i == 0) lambda = 1e-5 * (scaled ? 1 : H.diagonal().maxCoeff());
     double growth = 2;
     bool accepted = false;
     for (int step = 0; step < 11 && !accepted; ++step) {
-      const Eigen::MatrixXd damped = H + lambda * Eigen::MatrixXd::Identity(H.rows(), H.cols());
+      Eigen::MatrixXd damped = H;
+      damped.diagonal() += lambda * damping;
       const Eigen::VectorXd dx = damped.ldlt().solve(b);
       const oracle_problem candidate = problem.moved(dx);
-      const double after = candidate.cost(), ratio = (cost - after) / dx.dot(lambda * dx + b);
+      const double after = candidate.cost(), ratio = (cost - after) / dx.dot(lambda * damping.cwiseProduct(dx) + b);
       accepted = ratio > 0;
       if (accepted) {
         lambda *= std::max(1.0 / 3, std::min(2.0 / 3, 1 - std::pow(2 * ratio - 1, 3)));

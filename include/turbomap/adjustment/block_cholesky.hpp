@@ -16,6 +16,7 @@
 
 #include "../config.hpp"
 #include "../math/functions.hpp"
+#include "options.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -73,7 +74,7 @@ class block_cholesky {
   /// \param blocks  n diagonal blocks, then the others in the order of analyse(), row-major, rows of row[k]
   /// \param tolerance  a pivot below it times the diagonal element it came from: the matrix is singular
   /// \return false: singular or not positive definite
-  bool factorise(const double* blocks, double tolerance = 1e-13) {
+  bool factorise(const double* blocks, double tolerance = default_pivot_tolerance) {
     diagonal_.resize(at(n_) * square), lower_.assign(rows_.size() * square, 0);
     for (int i = 0; i < n_; ++i)
       std::copy_n(blocks + at(i) * square, square, diagonal_.begin() + offset(at(place_[at(i)]) * square));

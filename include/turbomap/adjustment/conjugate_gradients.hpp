@@ -39,7 +39,7 @@ struct multiply_frames {
   schur_view<A> s;
   const double* p;
   const double* y;
-  double lambda;
+  turbomap::damping damping;
   double* q;
 
   TURBOMAP_HD void operator()(int f) const {
@@ -47,7 +47,7 @@ struct multiply_frames {
     const double* x = p + static_cast<std::ptrdiff_t>(f) * D;
     double sum[D];
     for (int r = 0; r < D; ++r) {
-      sum[r] = lambda * x[r];
+      sum[r] = damping(H[r * (r + 3) / 2]) * x[r];
       for (int c = 0; c < D; ++c) sum[r] += H[r >= c ? r * (r + 1) / 2 + c : c * (c + 1) / 2 + r] * x[c];
     }
     for (int k = s.frame_pair[f]; k < s.frame_pair[f + 1]; ++k) {
@@ -147,11 +147,11 @@ class pcg_reduced_solver {
     s_.blocks = 0;  // the diagonal ones alone
   }
 
-  reduced_step solve(context<Policy>& ctx, double lambda, double*& x, double*& on_host_x) {
+  reduced_step solve(context<Policy>& ctx, const damping& damping, double*& x, double*& on_host_x) {
     const Policy& policy = ctx.policy();
     const int f = s_.free_frames;
     const std::size_t n = static_cast<std::size_t>(f) * D;
-    launch_reduction<A, V, D>(policy, s_, {blocks_, r_, 0, false}, lambda);
+    launch_reduction<A, V, D>(policy, s_, {blocks_, r_, 0, false}, damping);
     for_each_index(policy, f, factorise_diagonal_blocks<D>{blocks_, product_});
     if (sum(ctx) != f) return {false, 0};
     fill_bytes(policy, x_, 0, n * sizeof(double));
@@ -163,7 +163,7 @@ class pcg_reduced_solver {
     while (i < max_iterations_ && rz > enough) {
       ++i;
       for_each_index(policy, landmarks_, gather_landmarks<A, V, D>{s_, p_, y_});
-      for_each_index(policy, f, multiply_frames<A, V, D>{s_, p_, y_, lambda, q_});
+      for_each_index(policy, f, multiply_frames<A, V, D>{s_, p_, y_, damping, q_});
       for_each_index(policy, f, combine_frames<D>{p_, 0, q_, p_, product_});
       const double pq = sum(ctx);
       if (!(pq > 0) || !detail::is_finite(pq)) break;  // lost to rounding: what there is must do

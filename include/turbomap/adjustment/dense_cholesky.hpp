@@ -14,6 +14,7 @@
 #include "../config.hpp"
 #include "../math/functions.hpp"
 #include "../math/pack.hpp"
+#include "options.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -29,7 +30,7 @@ class dense_cholesky {
   /// \param A          padded(n) squared; beyond n it is overwritten
   /// \param tolerance  a pivot below it times the diagonal element it came from: the matrix is singular
   /// \return false: singular or not positive definite; A is then spoilt
-  bool factorise(double* A, int n, double tolerance = 1e-13) {
+  bool factorise(double* A, int n, double tolerance = default_pivot_tolerance) {
     n_ = padded(n);
     diagonal_.resize(static_cast<std::size_t>(n_)), reciprocal_.resize(static_cast<std::size_t>(n_));
     for (int j = n; j < n_; ++j) {  // an identity: its steps are 0

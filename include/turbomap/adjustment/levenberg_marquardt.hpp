@@ -16,6 +16,7 @@
 #include "../error.hpp"
 #include "conjugate_gradients.hpp"
 #include "linear_solver.hpp"
+#include "normal_equations.hpp"
 #include "options.hpp"
 #include "problem.hpp"
 #include "schur.hpp"
@@ -41,50 +42,48 @@ struct retract_frames {
 template <class Problem, class G, class A>
 class levenberg_marquardt {
   using Frame = typename Problem::frame_type;
-  using memory = typename Problem::memory;
   static constexpr int V = Problem::landmark_dof, D = Problem::dof;
   using clock = std::chrono::steady_clock;
+  using substitute = substitute_landmarks<A, V, D>;
 
  public:
   template <class Policy>
   static adjustment_summary run(context<Policy>& ctx, Problem& problem, const adjustment_options& options) {
     levenberg_marquardt lm(problem, options);
     ctx.begin_call();
-    lm.take_memory(ctx);
+    lm.equations_.take_memory(ctx);
+    lm.gains_ = ctx.template scratch<double>(static_cast<std::size_t>(lm.gain_count()));
     lm.summary_.end = lm.loop(ctx);
     return std::move(lm.summary_);
   }
 
  private:
   levenberg_marquardt(Problem& problem, const adjustment_options& options)
-      : problem_(problem), options_(options), start_(clock::now()) {}
+      : problem_(problem), options_(options), equations_(problem), start_(clock::now()) {}
 
   template <class Policy>
   adjustment_end loop(context<Policy>& ctx) {
-    const auto& structure = problem_.structure_;
     if (problem_.observations_ == 0) return adjustment_end::no_observations;
     if (!problem_.finite_) return adjustment_end::not_finite;
-    double cost = evaluate(ctx, problem_.current_);
+    double cost = equations_.evaluate(ctx, problem_.current_);
     summary_.cost_initial = summary_.cost_final = cost;
     if (!detail::is_finite(cost)) return adjustment_end::not_finite;
-    summary_.undefined = undefined_;
-    if (structure.free_frames == 0 && !landmarks_move()) return adjustment_end::nothing_free;
-    if (choose(false) != reduced_solver::pcg) {
-      problem_.find_blocks();
-      problem_.send_blocks(ctx.policy());
-      view_blocks();
-    }
+    summary_.undefined = equations_.undefined();
+    if (problem_.structure_.free_frames == 0 && !landmarks_move()) return adjustment_end::nothing_free;
+    if (choose(false) != reduced_solver::pcg) equations_.find_blocks(ctx);
+    const schur_view<A>& s = equations_.view();
+    const auto& structure = problem_.structure_;
     switch (choose(true)) {
       case reduced_solver::pcg:
         return iterate(ctx, cost,
-                       pcg_reduced_solver<A, V, D, Policy>(ctx, s_, structure.landmarks, problem_.workspace_,
+                       pcg_reduced_solver<A, V, D, Policy>(ctx, s, structure.landmarks, problem_.workspace_,
                                                            options_.pcg_tolerance, options_.pcg_max_iterations));
       case reduced_solver::sparse:
         return iterate(ctx, cost,
-                       sparse_reduced_solver<A, V, D, Policy>(ctx, s_, structure.block_row, structure.block_column,
+                       sparse_reduced_solver<A, V, D, Policy>(ctx, s, structure.block_row, structure.block_column,
                                                               problem_.workspace_));
       default:
-        return iterate(ctx, cost, dense_reduced_solver<A, V, D, Policy>(ctx, s_, problem_.workspace_));
+        return iterate(ctx, cost, dense_reduced_solver<A, V, D, Policy>(ctx, s, problem_.workspace_));
     }
   }
 
@@ -95,10 +94,11 @@ class levenberg_marquardt {
     for (int i = 0; i < options_.max_iterations; ++i) {
       if (stopped()) return adjustment_end::stopped;
       if (i > 0 && out_of_time()) return adjustment_end::time_budget;
-      linearise(ctx);
+      equations_.linearise(ctx);
       if (i == 0 && !(lambda > 0)) {
-        lambda = options_.initial_lambda_scale * largest_diagonal(ctx);
-        if (!(lambda > 0)) return adjustment_end::converged;  // no factor depends on anything
+        const double largest = equations_.largest_diagonal(ctx);
+        lambda = options_.initial_lambda_scale * (options_.damping == damping_rule::diagonal ? 1 : largest);
+        if (!(largest > 0)) return adjustment_end::converged;  // no factor depends on anything
       }
       ++summary_.iterations;
       adjustment_iteration it{cost, lambda, 0, 0};
@@ -115,14 +115,14 @@ class levenberg_marquardt {
             end = adjustment_end::converged;
             break;
           }
-          const double after = evaluate(ctx, 1 - problem_.current_), ratio = (cost - after) / predicted;
+          const double after = equations_.evaluate(ctx, 1 - problem_.current_), ratio = (cost - after) / predicted;
           if (detail::is_finite(after) && detail::is_finite(ratio) && ratio > 0) {
             accepted = true;
             const double x = 2 * ratio - 1, scale = 1 - x * x * x;
             lambda *= scale < 1.0 / 3 ? 1.0 / 3 : scale > 2.0 / 3 ? 2.0 / 3 : scale, growth = 2;
             slow = cost - after < options_.min_relative_decrease * cost ? slow + 1 : 0;
             cost = after;
-            summary_.undefined = undefined_;
+            summary_.undefined = equations_.undefined();
             problem_.current_ = 1 - problem_.current_;
             ++summary_.accepted;
             continue;
@@ -157,105 +157,43 @@ class levenberg_marquardt {
     return false;
   }
 
-  /// Everything that is computed in, from the context: no allocation in the steady state.
-  template <class Policy>
-  void take_memory(context<Policy>& ctx) {
-    const auto& s = problem_.structure_;
-    const std::size_t nf = static_cast<std::size_t>(s.free_frames), slack = 16;  // read beyond the last column
-    const auto at = [](int i) { return static_cast<std::size_t>(i); };
-    const auto lists = [&](int i) { return problem_.lists_[at(i)].data(); };
-    s_.landmark_row = lists(0), s_.landmark_slot = lists(1), s_.slot_coupling = lists(2), s_.slot_frame = lists(3);
-    s_.slot_landmark = lists(4), s_.frame_partial = lists(5), s_.partial_list = lists(6), s_.frame_slot = lists(7);
-    s_.slot_list = lists(8), s_.frame_factor = lists(9), s_.frame_factor_list = lists(10);
-    s_.frame_pair = lists(11), s_.frame_pair_list = problem_.neighbours_.data();
-    s_.landmark_fixed = problem_.has_fixed_landmarks_ ? problem_.landmark_fixed_.data() : nullptr;
-    s_.free_frames = s.free_frames;
-    s_.row = sums_.row = ctx.template scratch<A>(s.rows() * 9 + slack);
-    s_.coupling = sums_.coupling = ctx.template scratch<A>(s.couplings() * 3 * V + slack);
-    s_.eliminated = ctx.template scratch<A>(s.slots() * 3 * V + slack);
-    s_.chunk_partial = sums_.partial = ctx.template scratch<double>(at(s.partials) * landmark_block<V>::partial);
-    s_.factor_partial = factor_partial_ =
-        ctx.template scratch<double>(at(problem_.factor_partials_) * frame_block<D>::partial);
-    s_.factor_square = factor_square_ = ctx.template scratch<double>(at(problem_.squares_) * frame_block<D>::square);
-    s_.landmark = ctx.template scratch<eliminated_landmark>(at(s.landmarks));
-    s_.H = ctx.template scratch<double>(nf * frame_block<D>::triangle);
-    s_.b = ctx.template scratch<double>(nf * D);
-    costs_ = ctx.template scratch<double>(2 * at(problem_.costs_));
-    scales_ = ctx.template scratch<double>(at(s.landmarks));
-  }
-  void view_blocks() {
-    const auto lists = [&](int i) {
-      return problem_.lists_[static_cast<std::size_t>(Problem::first_block_list + i)].data();
-    };
-    s_.block_row = lists(0), s_.block_column = lists(1), s_.block_pair = lists(2), s_.block_factor = lists(3);
-    s_.factor_list = lists(4), s_.pairs = problem_.pairs_.data();
-    s_.blocks = static_cast<int>(problem_.structure_.block_row.size());
-  }
-
-  /// The robust cost of an estimate, and `undefined_`. Summed in one order.
-  template <class Policy>
-  double evaluate(context<Policy>& ctx, int which) {
-    const std::size_t n = static_cast<std::size_t>(problem_.costs_);
-    const auto x = problem_.estimate(which);
-    std::apply([&](auto&... g) { (g.template cost<G>(ctx.policy(), x, costs_, costs_ + n), ...); }, problem_.groups_);
-    const double* c = on_host(ctx, costs_, 2 * n, host_costs_);
-    double total = 0, undefined = 0;
-    for (std::size_t i = 0; i < n; ++i) total += c[i], undefined += c[n + i];
-    undefined_ = static_cast<int>(undefined);
-    return total;
-  }
-
-  template <class Policy>
-  void linearise(context<Policy>& ctx) {
-    const auto x = problem_.estimate(problem_.current_);
-    std::apply(
-        [&](auto&... g) { (g.template linearise<G, A>(ctx.policy(), x, sums_, factor_partial_, factor_square_), ...); },
-        problem_.groups_);
-    for_each_index(ctx.policy(), s_.free_frames, sum_frames<A, V, D>{s_});
-  }
-
-  template <class Policy>
-  double largest_diagonal(context<Policy>& ctx) {
-    const std::size_t landmarks = static_cast<std::size_t>(problem_.structure_.landmarks);
-    for_each_index(ctx.policy(), problem_.structure_.landmarks, scale_of_landmarks<A>{s_, scales_});
-    double largest = 0;
-    const double* d = on_host(ctx, scales_, landmarks, host_costs_);
-    for (std::size_t l = 0; l < landmarks; ++l) largest = larger(d[l], largest);
-    constexpr int triangle = frame_block<D>::triangle;
-    const double* H = on_host(ctx, s_.H, static_cast<std::size_t>(s_.free_frames) * triangle, host_costs_);
-    for (int f = 0; f < s_.free_frames; ++f)
-      for (int i = 0; i < D; ++i) largest = larger(H[f * triangle + i * (i + 1) / 2 + i], largest);
-    return largest;
-  }
-
   /// Solves for a step with a damping and applies it to the other estimate. `predicted`: the decrease that the
-  /// quadratic
-  /// model promises, the sum of dx (lambda dx + b).
+  /// quadratic model promises, the sum of dx (damping dx + b).
   template <class Policy, class Solver>
   reduced_step take_step(context<Policy>& ctx, Solver& solver, double lambda, double& predicted) {
-    const auto& s = problem_.structure_;
-    for_each_index(ctx.policy(), s.landmarks, eliminate_landmarks<A, V>{s_, lambda});
+    const damping damping{lambda, options_.damping == damping_rule::diagonal};
+    const schur_view<A>& s = equations_.view();
+    for_each_index(ctx.policy(), landmarks(), eliminate_landmarks<A, V>{s, damping});
     double *x = nullptr, *host_x = nullptr;
-    const reduced_step step = solver.solve(ctx, lambda, x, host_x);
+    const reduced_step step = solver.solve(ctx, damping, x, host_x);
     if (!step.solved) return step;
-    const int from = problem_.current_, to = 1 - from;
-    using substitute = substitute_landmarks<A, V, D>;
-    const int groups = (s.landmarks + substitute::landmarks_an_index - 1) / substitute::landmarks_an_index;
-    for_each_index(ctx.policy(), groups,
-                   substitute{s_, x, lambda, problem_.landmarks_[from].data(), problem_.landmarks_[to].data(), scales_,
-                              s.landmarks});
-    for_each_index(ctx.policy(), s.frames,
+    const int from = problem_.current_, to = 1 - from, frames = problem_.structure_.frames;
+    for_each_index(ctx.policy(), gain_count(),
+                   substitute{s, x, damping, problem_.landmarks_[from].data(), problem_.landmarks_[to].data(), gains_,
+                              landmarks()});
+    for_each_index(ctx.policy(), frames,
                    retract_frames<Frame>{problem_.free_of_frame_.data(), x, problem_.states_[from].data(),
                                          problem_.states_[to].data()});
-    for_each_index(ctx.policy(), s.frames,
-                   prepare_poses<Frame>{problem_.states_[to].data(), problem_.poses_[to].data()});
-    const double* gains = on_host(ctx, scales_, static_cast<std::size_t>(groups), host_costs_);
+    for_each_index(ctx.policy(), frames, prepare_poses<Frame>{problem_.states_[to].data(), problem_.poses_[to].data()});
+    auto& buffer = problem_.workspace_.sums;
+    const double* gains = on_host(ctx, gains_, static_cast<std::size_t>(gain_count()), buffer);
     predicted = 0;
-    for (int i = 0; i < groups; ++i) predicted += gains[i];
-    const double* b = on_host(ctx, s_.b, static_cast<std::size_t>(s_.free_frames) * D, host_costs_);
-    for (int i = 0; i < s_.free_frames * D; ++i) predicted += host_x[i] * (lambda * host_x[i] + b[i]);
+    for (int i = 0; i < gain_count(); ++i) predicted += gains[i];
+    const std::size_t n = static_cast<std::size_t>(s.free_frames) * D;
+    const double* b = on_host(ctx, s.b, n, buffer);
+    for (std::size_t i = 0; i < n; ++i) predicted += host_x[i] * b[i];
+    if (!damping.scaled) {
+      for (std::size_t i = 0; i < n; ++i) predicted += lambda * host_x[i] * host_x[i];
+    } else {
+      constexpr std::size_t triangle = frame_block<D>::triangle;
+      const double* H = on_host(ctx, s.H, static_cast<std::size_t>(s.free_frames) * triangle, buffer);
+      for (std::size_t i = 0; i < n; ++i)
+        predicted += damping(H[i / D * triangle + (i % D) * (i % D + 3) / 2]) * host_x[i] * host_x[i];
+    }
     return step;
   }
+  int landmarks() const { return problem_.structure_.landmarks; }
+  int gain_count() const { return (landmarks() + substitute::landmarks_an_index - 1) / substitute::landmarks_an_index; }
 
   /// The solver `automatic` stands for. A matrix with few empty blocks gains nothing from sparsity.
   reduced_solver choose(bool blocks_known) const {
@@ -270,19 +208,15 @@ class levenberg_marquardt {
 
   Problem& problem_;
   const adjustment_options& options_;
+  normal_equations<Problem, G, A> equations_;
   clock::time_point start_;
   adjustment_summary summary_;
-  schur_view<A> s_{};
-  landmark_sums<A> sums_{};
-  double *factor_partial_ = nullptr, *factor_square_ = nullptr, *costs_ = nullptr, *scales_ = nullptr;
-  std::vector<double> host_costs_;
-  int undefined_ = 0;
+  double* gains_ = nullptr;
 };
 
 /// Adjusts a problem: moves its free frames and landmarks to where the sum of rho(chi2) of all factors is least.
-/// Levenberg-Marquardt (H + lambda I; one iteration = one linearisation with all its retries), landmarks eliminated by
-/// the
-/// Schur complement. The same input gives the same bits, run by run and for any number of threads.
+/// Levenberg-Marquardt (one iteration = one linearisation with all its retries), landmarks eliminated by the Schur
+/// complement. The same input gives the same bits, run by run and for any number of threads.
 /// \return what happened; where no step was accepted the estimate is to the bit what was given
 /// \throws std::invalid_argument  an option is out of range
 template <class Policy, class Frame, class... Groups>

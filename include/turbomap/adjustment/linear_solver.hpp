@@ -14,8 +14,7 @@
 #include "../parallel.hpp"
 #include "block_cholesky.hpp"
 #include "dense_cholesky.hpp"
-#include "options.hpp"
-#include "schur.hpp"
+#include "reduced_system.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -25,7 +24,7 @@ struct reduced_workspace {
   dense_cholesky dense;
   block_cholesky<D> sparse;
   bool analysed = false;  ///< `sparse` has the structure of the problem
-  std::vector<double> matrix, x;
+  std::vector<double> matrix, x, sums;
 };
 
 /// Fetches from the policy's memory; under a host policy just looks there.
@@ -60,17 +59,28 @@ class dense_reduced_solver {
 
   /// \return the steps of the free frames in the policy's memory through `x`, and a host view of them through
   /// `on_host_x`
-  reduced_step solve(context<Policy>& ctx, double lambda, double*& x, double*& on_host_x) {
+  reduced_step solve(context<Policy>& ctx, const damping& damping, double*& x, double*& on_host_x) {
+    if (!factorise(ctx, damping)) return {false, 0};
     const std::size_t n = static_cast<std::size_t>(padded_);
-    fill_bytes(ctx.policy(), matrix_, 0, n * n * sizeof(double));
-    launch_reduction<A, V, D>(ctx.policy(), s_, {matrix_, x_, padded_, true}, lambda);
-    double* S = on_host(ctx, matrix_, n * n, workspace_.matrix);
     x = x_, on_host_x = on_host(ctx, x_, n, workspace_.x);
-    if (!workspace_.dense.factorise(S, n_)) return {false, 0};
-    workspace_.dense.solve(S, n_, on_host_x);
+    substitute(on_host_x);
     copy_in(ctx.policy(), x, on_host_x, n * sizeof(double));
     return {true, 0};
   }
+
+  /// \param tolerance  see dense_cholesky::factorise
+  /// \return false: singular
+  bool factorise(context<Policy>& ctx, const damping& damping, double tolerance = default_pivot_tolerance) {
+    const std::size_t n = static_cast<std::size_t>(padded_);
+    fill_bytes(ctx.policy(), matrix_, 0, n * n * sizeof(double));
+    launch_reduction<A, V, D>(ctx.policy(), s_, {matrix_, x_, padded_, true}, damping);
+    factor_ = on_host(ctx, matrix_, n * n, workspace_.matrix);
+    return workspace_.dense.factorise(factor_, n_, tolerance);
+  }
+
+  /// Solves for x in place, on the host; room for padded_size() numbers. After factorise().
+  void substitute(double* x) { workspace_.dense.solve(factor_, n_, x); }
+  std::size_t padded_size() const { return static_cast<std::size_t>(padded_); }
 
  private:
   schur_view<A> s_;
@@ -78,6 +88,7 @@ class dense_reduced_solver {
   int n_, padded_;
   double* matrix_;
   double* x_;
+  double* factor_ = nullptr;
 };
 
 /// Forms the blocks that exist and factorises them on the host.
@@ -95,16 +106,20 @@ class sparse_reduced_solver {
     x_ = ctx.template scratch<double>(static_cast<std::size_t>(s.free_frames) * D);
   }
 
-  reduced_step solve(context<Policy>& ctx, double lambda, double*& x, double*& on_host_x) {
-    const std::size_t n = static_cast<std::size_t>(s_.free_frames) * D;
-    launch_reduction<A, V, D>(ctx.policy(), s_, {blocks_, x_, 0, false}, lambda);
-    const double* blocks = on_host(ctx, blocks_, size_, workspace_.matrix);
-    x = x_, on_host_x = on_host(ctx, x_, n, workspace_.x);
-    if (!workspace_.sparse.factorise(blocks)) return {false, 0};
-    workspace_.sparse.solve(on_host_x);
-    copy_in(ctx.policy(), x, on_host_x, n * sizeof(double));
+  reduced_step solve(context<Policy>& ctx, const damping& damping, double*& x, double*& on_host_x) {
+    if (!factorise(ctx, damping)) return {false, 0};
+    x = x_, on_host_x = on_host(ctx, x_, padded_size(), workspace_.x);
+    substitute(on_host_x);
+    copy_in(ctx.policy(), x, on_host_x, padded_size() * sizeof(double));
     return {true, 0};
   }
+
+  bool factorise(context<Policy>& ctx, const damping& damping, double tolerance = default_pivot_tolerance) {
+    launch_reduction<A, V, D>(ctx.policy(), s_, {blocks_, x_, 0, false}, damping);
+    return workspace_.sparse.factorise(on_host(ctx, blocks_, size_, workspace_.matrix), tolerance);
+  }
+  void substitute(double* x) { workspace_.sparse.solve(x); }
+  std::size_t padded_size() const { return static_cast<std::size_t>(s_.free_frames) * D; }
 
  private:
   schur_view<A> s_;

@@ -29,12 +29,22 @@ enum class reduced_solver : std::uint8_t {
   pcg         ///< conjugate gradients on the implicit Schur complement, block-Jacobi preconditioner: large problems
 };
 
+/// A pivot below so much of the diagonal element that it came from is rounding: the matrix is singular.
+inline constexpr double default_pivot_tolerance = 1e-13;
+
+/// What is added to the normal equations H to make a step shorter.
+enum class damping_rule : std::uint8_t {
+  identity,  ///< H + lambda I [g2o]: unknowns of one scale, as in a local window
+  diagonal   ///< H + lambda diag(H) [Marquardt 1963; Ceres]: unknowns of many scales, as focal lengths or far points
+};
+
 /// Options of adjust(). Defaults are those of [ORB-SLAM3]'s local adjustment where it has them.
 struct adjustment_options {
-  int max_iterations = 10;    ///< linearisations
-  int max_retries = 10;       ///< larger dampings tried on one linearisation (g2o)
-  double initial_lambda = 0;  ///< damping at the start; 0: initial_lambda_scale times the largest diagonal element
-  double initial_lambda_scale = 1e-5;  ///< tau [Nielsen 1999; g2o]
+  int max_iterations = 10;  ///< linearisations
+  int max_retries = 10;     ///< larger dampings tried on one linearisation (g2o)
+  damping_rule damping = damping_rule::identity;
+  double initial_lambda = 0;           ///< damping at the start; 0: by initial_lambda_scale
+  double initial_lambda_scale = 1e-5;  ///< tau [Nielsen 1999; g2o], times the largest diagonal element under `identity`
   double min_relative_decrease = 0;    ///< an iteration that gains less (relative to the cost) is a slow one; 0: never
   int slow_iterations = 3;             ///< as many slow ones in a row end the adjustment [ORB-SLAM3: 1e-3, 3]
   double min_predicted_decrease = 1e-14;    ///< ends where a step promises less than this times the cost
@@ -42,10 +52,10 @@ struct adjustment_options {
   const std::atomic<bool>* stop = nullptr;  ///< looked at between steps; honoured within one iteration
   precision numbers = precision::float64;
   reduced_solver solver = reduced_solver::automatic;
-  int dense_limit = 1200;       ///< unknowns up to which `automatic` takes the dense solver
-  int sparse_limit = 12000;     ///< unknowns up to which it takes the sparse one
-  double sparse_fill = 0.3;     ///< ... unless more than this part of the blocks exist: then pcg
-  double pcg_tolerance = 1e-6;  ///< relative residual at which conjugate gradients stop
+  int dense_limit = 1200;      ///< unknowns up to which `automatic` takes the dense solver
+  int sparse_limit = 12000;    ///< unknowns up to which it takes the sparse one
+  double sparse_fill = 0.3;    ///< ... unless more than this part of the blocks exist: then pcg
+  double pcg_tolerance = 0.1;  ///< relative residual at which conjugate gradients stop: inexact steps [Ceres: eta]
   int pcg_max_iterations = 500;
 };
 

@@ -161,6 +161,10 @@ class bundle_problem {
  private:
   template <class Problem, class G, class A>
   friend class levenberg_marquardt;
+  template <class Problem, class G, class A>
+  friend class normal_equations;
+  template <class Problem>
+  friend class covariance_solver;
   using uploaded_indices = uploaded<std::int32_t, memory>;
   static constexpr int list_count = 17, first_block_list = 12;
   static constexpr int chunk_size = std::is_same_v<memory, host_memory> ? 128 : observation_padding;

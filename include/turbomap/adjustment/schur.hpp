@@ -3,25 +3,32 @@
 #pragma once
 
 /// \file
-/// Function objects of the Schur complement: sums of the frames, elimination of the landmarks, the reduced system
-/// block by
-/// block, back-substitution. Each index gathers its own sum from a fixed list; nothing is scattered.
+/// Function objects of the Schur complement: sums of the frames, elimination of the landmarks, back-substitution. Each
+/// index gathers its own sum from a fixed list; nothing is scattered.
 
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <numeric>
 
 #include "../config.hpp"
 #include "../math/functions.hpp"
 #include "../math/pack.hpp"
-#include "../parallel.hpp"
 #include "linearise_frame_factors.hpp"
 #include "structure.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// A landmark after elimination: H + lambda I = L L^T.
+/// What is added to a diagonal element h of the normal equations.
+struct damping {
+  double lambda;
+  bool scaled = false;  ///< by h itself, kept within [1e-6, 1e32] [Marquardt 1963; the bounds are Ceres']
+
+  TURBOMAP_HD double operator()(double h) const {
+    return scaled ? lambda * (h < 1e-6 ? 1e-6 : h > 1e32 ? 1e32 : h) : lambda;
+  }
+};
+
+/// A landmark after elimination: damped H = L L^T.
 struct eliminated_landmark {
   double inverse[6];  ///< of L, lower triangle; 0: it does not move (along this direction)
   double c[3];        ///< L^-1 b
@@ -119,7 +126,7 @@ struct scale_of_landmarks {
 template <class A, int V>
 struct eliminate_landmarks {
   schur_view<A> s;
-  double lambda;
+  turbomap::damping damping;
 
   TURBOMAP_HD void operator()(int l) const {
     double h[9];
@@ -165,7 +172,7 @@ struct eliminate_landmarks {
   /// A direction whose pivot is lost in the rounding of A is left alone: a landmark seen once, hardly damped.
   TURBOMAP_HD void factorise(const double (&h)[9], eliminated_landmark& e) const {
     const double noise = 16 * detail::epsilon<A>::value;
-    const double a = h[0] + lambda, d = h[2] + lambda, f = h[5] + lambda;
+    const double a = h[0] + damping(h[0]), d = h[2] + damping(h[2]), f = h[5] + damping(h[5]);
     const double i00 = a > 0 ? 1 / ::sqrt(a) : 0;
     const double l10 = h[1] * i00, l20 = h[3] * i00, p11 = d - l10 * l10;
     const double i11 = p11 > noise * d ? 1 / ::sqrt(p11) : 0;
@@ -178,132 +185,16 @@ struct eliminate_landmarks {
   }
 };
 
-/// Where the blocks of the reduced matrix go: row-major, the upper triangle of blocks. In a dense matrix of leading
-/// dimension
-/// `stride`, or one after the other (diagonal ones first).
-struct reduced_layout {
-  double* S;
-  double* rhs;
-  int stride;
-  bool dense;
-
-  TURBOMAP_HD double* block(int index, int row, int column, int free_frames, int D) const {
-    if (dense) return S + static_cast<std::ptrdiff_t>(row) * D * stride + column * D;
-    return S + (row == column ? static_cast<std::ptrdiff_t>(row) : static_cast<std::ptrdiff_t>(free_frames) + index) *
-                   D * D;
-  }
-};
-
-/// Index below free_frames: a diagonal block and its right hand side; above: one of the other blocks. Indices are
-/// mixed, so
-/// that neighbours (which one thread takes) are of all sizes.
-template <class A, int V, int D>
-struct reduce_blocks {
-  schur_view<A> s;
-  reduced_layout out;
-  double lambda;
-  int count, step;
-
-  static constexpr int n = column_lanes<V>;
-  static constexpr int ahead = 8;  ///< entries of a list between asking for memory and reading it
-  static constexpr int row_bytes = 3 * V * static_cast<int>(sizeof(A));
-  using P = pack<A, n>;
-
-  TURBOMAP_HD void operator()(int i) const {
-    const int task = static_cast<int>(static_cast<long long>(i) * step % count);
-    if (task < s.free_frames)
-      diagonal(task);
-    else
-      other(task - s.free_frames);
-  }
-
- private:
-  TURBOMAP_HD void diagonal(int f) const {
-    P sum[V], right(A(0));
-    for (int r = 0; r < V; ++r) sum[r] = P(A(0));
-    const int last = s.frame_slot[f + 1] - 1;
-    for (int k = s.frame_slot[f]; k <= last; ++k) {
-      const int slot = s.slot_list[k], later = s.slot_list[k + ahead < last ? k + ahead : last];
-      prefetch(s.eliminated + static_cast<std::ptrdiff_t>(later) * 3 * V, row_bytes);
-      prefetch(s.landmark[s.slot_landmark[later]].c, 24);
-      const A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
-      const eliminated_landmark& e = s.landmark[s.slot_landmark[slot]];
-      for (int m = 0; m < 3; ++m) {
-        const P column = P::load(z + m * V);
-        for (int r = 0; r < V; ++r) sum[r] = multiply_add(P(z[m * V + r]), column, sum[r]);
-        right = multiply_add(P(static_cast<A>(e.c[m])), column, right);
-      }
-    }
-    double* S = out.block(0, f, f, s.free_frames, D);
-    const int stride = out.dense ? out.stride : D;
-    A lanes[n];
-    for (int r = 0; r < D; ++r) {
-      if (r < V) sum[r].store(lanes);
-      for (int c = 0; c < D; ++c) {
-        const int h = r >= c ? r * (r + 1) / 2 + c : c * (c + 1) / 2 + r;
-        double x = s.H[static_cast<std::ptrdiff_t>(f) * frame_block<D>::triangle + h];
-        if (r == c) x += lambda;
-        if (r < V && c < V) x -= static_cast<double>(lanes[c]);
-        S[static_cast<std::ptrdiff_t>(r) * stride + c] = x;
-      }
-    }
-    right.store(lanes);
-    for (int r = 0; r < D; ++r)
-      out.rhs[f * D + r] = s.b[static_cast<std::ptrdiff_t>(f) * D + r] - (r < V ? static_cast<double>(lanes[r]) : 0);
-  }
-
-  TURBOMAP_HD void other(int b) const {
-    P sum[V];
-    for (int r = 0; r < V; ++r) sum[r] = P(A(0));
-    const int last = s.block_pair[b + 1] - 1;
-    for (int k = s.block_pair[b]; k <= last; ++k) {
-      const slot_pair& later = s.pairs[k + ahead < last ? k + ahead : last];
-      prefetch(s.eliminated + static_cast<std::ptrdiff_t>(later.first) * 3 * V, row_bytes);
-      prefetch(s.eliminated + static_cast<std::ptrdiff_t>(later.second) * 3 * V, row_bytes);
-      const A* first = s.eliminated + static_cast<std::ptrdiff_t>(s.pairs[k].first) * 3 * V;
-      const A* second = s.eliminated + static_cast<std::ptrdiff_t>(s.pairs[k].second) * 3 * V;
-      for (int m = 0; m < 3; ++m) {
-        const P column = P::load(second + m * V);
-        for (int r = 0; r < V; ++r) sum[r] = multiply_add(P(first[m * V + r]), column, sum[r]);
-      }
-    }
-    double* S = out.block(b, s.block_row[b], s.block_column[b], s.free_frames, D);
-    const int stride = out.dense ? out.stride : D;
-    A lanes[n];
-    for (int r = 0; r < D; ++r) {
-      if (r < V) sum[r].store(lanes);
-      for (int c = 0; c < D; ++c)
-        S[static_cast<std::ptrdiff_t>(r) * stride + c] = r < V && c < V ? -static_cast<double>(lanes[c]) : 0;
-    }
-    for (int k = s.block_factor[b]; k < s.block_factor[b + 1]; ++k) {
-      const int code = s.factor_list[k];
-      const double* square = s.factor_square + static_cast<std::ptrdiff_t>(code / 2) * D * D;
-      for (int r = 0; r < D; ++r)
-        for (int c = 0; c < D; ++c)
-          S[static_cast<std::ptrdiff_t>(r) * stride + c] += code % 2 == 0 ? square[r * D + c] : square[c * D + r];
-    }
-  }
-};
-
-/// All blocks of the reduced system.
-template <class A, int V, int D, class Policy>
-void launch_reduction(const Policy& policy, const schur_view<A>& s, const reduced_layout& out, double lambda) {
-  const int count = s.free_frames + s.blocks;
-  int step = count / 2 + count / 8;  // any number without a common divisor
-  while (step > 1 && std::gcd(step, count) != 1) --step;
-  for_each_index(policy, count, reduce_blocks<A, V, D>{s, out, lambda, count, step > 0 ? step : 1});
-}
-
 /// Index = some landmarks: their steps from those of the frames, their new positions, and sums of the step.
 template <class A, int V, int D>
 struct substitute_landmarks {
   static constexpr int landmarks_an_index = 16;
   schur_view<A> s;
   const double* step;  ///< of the free frames, D each
-  double lambda;
+  turbomap::damping damping;
   const double* from;
   double* to;
-  double* predicted;  ///< [index] sum of dx (lambda dx + b): the decrease a quadratic cost would have
+  double* predicted;  ///< [index] sum of dx (damping dx + b): the decrease a quadratic cost would have
   int landmarks;
 
   TURBOMAP_HD void operator()(int i) const {
@@ -320,9 +211,15 @@ struct substitute_landmarks {
       }
       const double dx[3] = {e.inverse[0] * y[0] + e.inverse[1] * y[1] + e.inverse[3] * y[2],
                             e.inverse[2] * y[1] + e.inverse[4] * y[2], e.inverse[5] * y[2]};
+      double held[3] = {damping.lambda, damping.lambda, damping.lambda};
+      if (damping.scaled) {
+        double h[9];
+        detail::sum_rows(s, l, h);
+        held[0] = damping(h[0]), held[1] = damping(h[2]), held[2] = damping(h[5]);
+      }
       for (int k = 0; k < 3; ++k) {
         to[l * landmark_stride + k] = from[l * landmark_stride + k] + dx[k];
-        gain += dx[k] * (lambda * dx[k] + e.b[k]);
+        gain += dx[k] * (held[k] * dx[k] + e.b[k]);
       }
     }
     predicted[i] = gain;

@@ -1,0 +1,133 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The reduced system of the frames, block by block: what is left when the landmarks are eliminated (schur.hpp). Each
+/// block gathers its own sum from a fixed list.
+
+#include <cstddef>
+#include <numeric>
+
+#include "../config.hpp"
+#include "../math/pack.hpp"
+#include "../parallel.hpp"
+#include "schur.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Where the blocks of the reduced matrix go: row-major, the upper triangle of blocks. In a dense matrix of leading
+/// dimension `stride`, or one after the other (diagonal ones first).
+struct reduced_layout {
+  double* S;
+  double* rhs;
+  int stride;
+  bool dense;
+
+  TURBOMAP_HD double* block(int index, int row, int column, int free_frames, int D) const {
+    if (dense) return S + static_cast<std::ptrdiff_t>(row) * D * stride + column * D;
+    return S + (row == column ? static_cast<std::ptrdiff_t>(row) : static_cast<std::ptrdiff_t>(free_frames) + index) *
+                   D * D;
+  }
+};
+
+/// Index below free_frames: a diagonal block and its right hand side; above: one of the other blocks. Indices are
+/// mixed, so that neighbours (which one thread takes) are of all sizes.
+template <class A, int V, int D>
+struct reduce_blocks {
+  schur_view<A> s;
+  reduced_layout out;
+  turbomap::damping damping;
+  int count, step;
+
+  static constexpr int n = column_lanes<V>;
+  static constexpr int ahead = 8;  ///< entries of a list between asking for memory and reading it
+  static constexpr int row_bytes = 3 * V * static_cast<int>(sizeof(A));
+  using P = pack<A, n>;
+
+  TURBOMAP_HD void operator()(int i) const {
+    const int task = static_cast<int>(static_cast<long long>(i) * step % count);
+    if (task < s.free_frames)
+      diagonal(task);
+    else
+      other(task - s.free_frames);
+  }
+
+ private:
+  TURBOMAP_HD void diagonal(int f) const {
+    P sum[V], right(A(0));
+    for (int r = 0; r < V; ++r) sum[r] = P(A(0));
+    const int last = s.frame_slot[f + 1] - 1;
+    for (int k = s.frame_slot[f]; k <= last; ++k) {
+      const int slot = s.slot_list[k], later = s.slot_list[k + ahead < last ? k + ahead : last];
+      prefetch(s.eliminated + static_cast<std::ptrdiff_t>(later) * 3 * V, row_bytes);
+      prefetch(s.landmark[s.slot_landmark[later]].c, 24);
+      const A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
+      const eliminated_landmark& e = s.landmark[s.slot_landmark[slot]];
+      for (int m = 0; m < 3; ++m) {
+        const P column = P::load(z + m * V);
+        for (int r = 0; r < V; ++r) sum[r] = multiply_add(P(z[m * V + r]), column, sum[r]);
+        right = multiply_add(P(static_cast<A>(e.c[m])), column, right);
+      }
+    }
+    double* S = out.block(0, f, f, s.free_frames, D);
+    const int stride = out.dense ? out.stride : D;
+    A lanes[n];
+    for (int r = 0; r < D; ++r) {
+      if (r < V) sum[r].store(lanes);
+      for (int c = 0; c < D; ++c) {
+        const int h = r >= c ? r * (r + 1) / 2 + c : c * (c + 1) / 2 + r;
+        double x = s.H[static_cast<std::ptrdiff_t>(f) * frame_block<D>::triangle + h];
+        if (r == c) x += damping(x);
+        if (r < V && c < V) x -= static_cast<double>(lanes[c]);
+        S[static_cast<std::ptrdiff_t>(r) * stride + c] = x;
+      }
+    }
+    right.store(lanes);
+    for (int r = 0; r < D; ++r)
+      out.rhs[f * D + r] = s.b[static_cast<std::ptrdiff_t>(f) * D + r] - (r < V ? static_cast<double>(lanes[r]) : 0);
+  }
+
+  TURBOMAP_HD void other(int b) const {
+    P sum[V];
+    for (int r = 0; r < V; ++r) sum[r] = P(A(0));
+    const int last = s.block_pair[b + 1] - 1;
+    for (int k = s.block_pair[b]; k <= last; ++k) {
+      const slot_pair& later = s.pairs[k + ahead < last ? k + ahead : last];
+      prefetch(s.eliminated + static_cast<std::ptrdiff_t>(later.first) * 3 * V, row_bytes);
+      prefetch(s.eliminated + static_cast<std::ptrdiff_t>(later.second) * 3 * V, row_bytes);
+      const A* first = s.eliminated + static_cast<std::ptrdiff_t>(s.pairs[k].first) * 3 * V;
+      const A* second = s.eliminated + static_cast<std::ptrdiff_t>(s.pairs[k].second) * 3 * V;
+      for (int m = 0; m < 3; ++m) {
+        const P column = P::load(second + m * V);
+        for (int r = 0; r < V; ++r) sum[r] = multiply_add(P(first[m * V + r]), column, sum[r]);
+      }
+    }
+    double* S = out.block(b, s.block_row[b], s.block_column[b], s.free_frames, D);
+    const int stride = out.dense ? out.stride : D;
+    A lanes[n];
+    for (int r = 0; r < D; ++r) {
+      if (r < V) sum[r].store(lanes);
+      for (int c = 0; c < D; ++c)
+        S[static_cast<std::ptrdiff_t>(r) * stride + c] = r < V && c < V ? -static_cast<double>(lanes[c]) : 0;
+    }
+    for (int k = s.block_factor[b]; k < s.block_factor[b + 1]; ++k) {
+      const int code = s.factor_list[k];
+      const double* square = s.factor_square + static_cast<std::ptrdiff_t>(code / 2) * D * D;
+      for (int r = 0; r < D; ++r)
+        for (int c = 0; c < D; ++c)
+          S[static_cast<std::ptrdiff_t>(r) * stride + c] += code % 2 == 0 ? square[r * D + c] : square[c * D + r];
+    }
+  }
+};
+
+/// All blocks of the reduced system.
+template <class A, int V, int D, class Policy>
+void launch_reduction(const Policy& policy, const schur_view<A>& s, const reduced_layout& out, const damping& damping) {
+  const int count = s.free_frames + s.blocks;
+  int step = count / 2 + count / 8;  // any number without a common divisor
+  while (step > 1 && std::gcd(step, count) != 1) --step;
+  for_each_index(policy, count, reduce_blocks<A, V, D>{s, out, damping, count, step > 0 ? step : 1});
+}
+
+TURBOMAP_END_NAMESPACE
