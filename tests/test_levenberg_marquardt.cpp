@@ -10,7 +10,9 @@
 #include <thrust/system/omp/execution_policy.h>
 #include <thrust/system/tbb/execution_policy.h>
 
+#include <cstring>
 #include <limits>
+#include <random>
 #include <stdexcept>
 #include <string>
 
@@ -281,9 +283,16 @@ TEST_CASE_TEMPLATE("degenerate problems end with a reason and unchanged", Policy
       if (where == 1) s.pixel[5].x = std::numeric_limits<double>::infinity();
       if (where == 2) s.information[5] = nan_value;
       if (where == 3) s.poses[1].tx = nan_value;
-      const auto a = adjust_scene(Policy{}, s, {});
-      CHECK(a.summary.end == adjustment_end::not_finite);
-      CHECK(a.summary.accepted == 0);
+      turbomap::context<Policy> ctx{Policy{}};
+      turbomap::bundle_problem<Policy, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
+      problem.assign(ctx, s.frame_input(), s.landmark_input(), s.group());
+      const auto summary = turbomap::adjust(ctx, problem);
+      CHECK(summary.end == adjustment_end::not_finite);
+      CHECK(summary.accepted == 0);
+      adjusted a;  // NaN is not equal to itself: compared as bytes
+      problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
+      CHECK(std::memcmp(a.poses.data(), s.poses.data(), s.poses.size() * sizeof s.poses[0]) == 0);
+      CHECK(std::memcmp(a.points.data(), s.points.data(), s.points.size() * sizeof s.points[0]) == 0);
     }
   }
   SUBCASE("everything fixed") {
@@ -296,10 +305,26 @@ TEST_CASE_TEMPLATE("degenerate problems end with a reason and unchanged", Policy
                    {span<const vec3<double>>(s.points), span<const std::uint8_t>(landmarks_fixed)}, s.group());
     CHECK(turbomap::adjust(ctx, problem).end == adjustment_end::nothing_free);
   }
-  SUBCASE("all weights zero: rows switched off, or all outliers of a kernel that forgets them") {
+  SUBCASE("all weights zero: rows switched off") {
     adjustment_scene s = good;
     s.information.assign(s.information.size(), 0);
     check_unchanged(adjust_scene(Policy{}, s, {}), s, adjustment_end::converged);
+  }
+  SUBCASE("all are outliers of a kernel that forgets them") {
+    adjustment_scene s = good;
+    for (auto& z : s.pixel) z.x += 1000, z.z = -1;
+    const auto g = s.group();
+    turbomap::reprojections<scene_camera, turbomap::tukey> all;
+    all.rig = g.rig, all.frame = g.frame, all.landmark = g.landmark, all.pixel = g.pixel;
+    all.information = g.information, all.camera = g.camera;
+    turbomap::context<Policy> ctx{Policy{}};
+    turbomap::bundle_problem<Policy, pose_frame, decltype(all)> problem(ctx);
+    problem.assign(ctx, s.frame_input(), s.landmark_input(), all);
+    adjusted a;
+    a.summary = turbomap::adjust(ctx, problem);
+    problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
+    check_unchanged(a, s, adjustment_end::converged);
+    CHECK(a.summary.cost_final == doctest::Approx(21.95 / 3 * static_cast<double>(s.pixel.size())));
   }
   SUBCASE("no iterations") {
     adjustment_options options;
@@ -347,6 +372,30 @@ TEST_CASE_TEMPLATE("hard problems end, and never worse", Policy, sequential, omp
   SUBCASE("behind the camera, in its focal plane, at its centre") {
     s.points[0].z = -5, s.points[1].z = 0, s.points[2] = {0, 0, 0};
     s.poses[4] = {};
+    check(s);
+  }
+  SUBCASE("every point behind every camera, and far off in the image") {
+    for (auto& p : s.points) p.z -= 20;
+    check(s);
+  }
+  SUBCASE("every pixel is an outlier") {
+    std::mt19937 random(3);
+    std::normal_distribution<double> normal;
+    for (auto& z : s.pixel) z.x += 300 * normal(random), z.y += 300 * normal(random);
+    check(s);
+  }
+  SUBCASE("every point seen once") {
+    std::vector<bool> seen(s.points.size(), false);
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < s.frame.size(); ++i) {
+      const auto l = static_cast<std::size_t>(s.landmark[i]);
+      if (seen[l]) continue;
+      seen[l] = true;
+      s.frame[kept] = s.frame[i], s.landmark[kept] = s.landmark[i], s.pixel[kept] = s.pixel[i];
+      s.information[kept] = s.information[i], s.camera[kept] = s.camera[i], ++kept;
+    }
+    s.frame.resize(kept), s.landmark.resize(kept), s.pixel.resize(kept), s.information.resize(kept);
+    s.camera.resize(kept);
     check(s);
   }
   SUBCASE("one observation") {

@@ -51,7 +51,7 @@ class recorded_schur {
     turbomap::for_each_index(ctx_.policy(), landmarks_, turbomap::eliminate_landmarks<double, V>{view_, {lambda}});
     turbomap::launch_reduction<double, V, D>(ctx_.policy(), view_, {matrix.data(), right.data(), padded, true},
                                              {lambda});
-    std::vector<double> full(matrix.size()), b(right.size());
+    std::vector<double> full(matrix.size()), b(at(n));
     turbomap::copy_out(ctx_.policy(), full.data(), matrix.data(), full.size() * sizeof(double));
     turbomap::copy_out(ctx_.policy(), b.data(), right.data(), b.size() * sizeof(double));
     ctx_.synchronize();

@@ -107,7 +107,7 @@ outcome run(const Policy& policy, const arguments& given) {
   o.good = o.json.value("good", true);
   o.json["file"] = a.input.string(), o.json["format"] = format, o.json["policy"] = a.policy;
   o.json["solver"] = a.solver, o.json["precision"] = a.precision;
-  o.json["damping"] = a.damping;
+  o.json["damping_rule"] = a.damping;
   return o;
 }
 

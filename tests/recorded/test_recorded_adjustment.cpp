@@ -4,9 +4,6 @@
 // Recorded local bundle adjustments: their costs and outliers, recomputed by the oracle, are those of the peer; and ours end
 // where the peer's did.
 
-#include <replay/check_adjustment.hpp>
-#include <turbomap/camera/kannala_brandt.hpp>
-#include <turbomap/camera/pinhole.hpp>
 #include <turbomap/io/recording.hpp>
 #include <turbomap/io/recording_snapshot_adjustment.hpp>
 
@@ -21,6 +18,7 @@
 
 #include <doctest/doctest.h>
 
+#include "../recorded_adjustment_cases.hpp"
 #include "../reference/reprojection_cost.hpp"
 #include "../support.hpp"
 
@@ -89,36 +87,15 @@ TEST_CASE("recorded costs and outliers are those of the recorded poses and point
   }
 }
 
-template <class Camera, class Policy>
-void adjust_all(const turbomap::recording& r, const std::filesystem::path& directory, const Policy& policy,
-                turbomap::precision numbers) {
-  turbomap_replay::adjustment_check<Camera, Policy> check(r, directory, policy, numbers, 1);
-  for (const auto iteration : r.meta.snapshots) check.check(iteration);
-  CHECK_FALSE(check.empty());
-  nlohmann::json json;
-  check.add_json(json);
-  CAPTURE(json.dump());
-  CHECK(check.good());
-}
-
 TEST_CASE("recorded problems are adjusted as well as by the peer") {
   using turbomap::precision;
-  for (const char* name : {"euroc_v102_stereo", "euroc_v102_inertial", "tum_room1_stereo", "tum_room1_inertial"}) {
-    const auto directory = data(std::string("recordings/") + name);
-    if (!directory) return;
-    CAPTURE(std::string(name));
-    const auto r = turbomap::read_recording(*directory);
-    const auto run = [&](const auto& policy, precision numbers) {
-      if (r.meta.is_fisheye())
-        adjust_all<turbomap::kannala_brandt<float>>(r, *directory, policy, numbers);
-      else
-        adjust_all<turbomap::pinhole<float>>(r, *directory, policy, numbers);
-    };
-    run(thrust::seq, precision::float64);
-    run(thrust::seq, precision::mixed);
-    run(thrust::omp::par, precision::float64);
-    run(thrust::tbb::par, precision::float64);
-  }
+  for_each_recording([](auto camera, const turbomap::recording& r, const std::filesystem::path& directory) {
+    using model = decltype(camera);
+    check_as_good_as_peer<model>(r, directory, thrust::seq, precision::float64);
+    check_as_good_as_peer<model>(r, directory, thrust::seq, precision::mixed);
+    check_as_good_as_peer<model>(r, directory, thrust::omp::par, precision::float64);
+    check_as_good_as_peer<model>(r, directory, thrust::tbb::par, precision::float64);
+  });
 }
 
 }  // namespace

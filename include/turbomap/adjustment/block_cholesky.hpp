@@ -31,7 +31,10 @@ class block_cholesky {
   /// all there. O(n^2 + blocks of the factor times their rows).
   void analyse(int n, const std::vector<std::int32_t>& row, const std::vector<std::int32_t>& column) {
     n_ = n;
-    std::vector<std::vector<std::int32_t>> neighbours(at(n));
+    auto& neighbours = neighbours_;
+    auto& merged = merged_;
+    if (neighbours.size() < at(n)) neighbours.resize(at(n));
+    for (auto& list : neighbours) list.clear();
     for (std::size_t k = 0; k < row.size(); ++k) {
       neighbours[at(row[k])].push_back(column[k]);
       neighbours[at(column[k])].push_back(row[k]);
@@ -39,7 +42,6 @@ class block_cholesky {
     for (auto& list : neighbours) std::sort(list.begin(), list.end());
     place_.assign(at(n), -1), order_.clear();
     begin_.assign(1, 0), rows_.clear();
-    std::vector<std::int32_t> merged;
     for (int k = 0; k < n; ++k) {  // eliminates the row of least degree: its neighbours become a clique
       int best = -1;
       for (int i = 0; i < n; ++i)
@@ -56,7 +58,7 @@ class block_cholesky {
                      merged.end());
         mine = merged;
       }
-      std::vector<std::int32_t>().swap(clique);
+      clique.clear();
     }
     for (auto& r : rows_) r = place_[at(r)];
     for (int k = 0; k < n; ++k)
@@ -183,6 +185,8 @@ class block_cholesky {
   }
 
   int n_ = 0;
+  std::vector<std::vector<std::int32_t>> neighbours_;  ///< of analyse(), kept for its memory
+  std::vector<std::int32_t> merged_;
   std::vector<std::int32_t> place_, order_, rows_;  ///< place of a row in the order; rows of each column, by place
   std::vector<std::size_t> begin_, source_, position_;
   std::vector<char> transposed_;

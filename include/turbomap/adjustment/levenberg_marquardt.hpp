@@ -90,6 +90,7 @@ class levenberg_marquardt {
   template <class Policy, class Solver>
   adjustment_end iterate(context<Policy>& ctx, double cost, Solver solver) {
     double lambda = options_.initial_lambda, growth = 2;
+    summary_.each.reserve(static_cast<std::size_t>(options_.max_iterations < 100 ? options_.max_iterations : 100));
     int slow = 0;
     for (int i = 0; i < options_.max_iterations; ++i) {
       if (stopped()) return adjustment_end::stopped;

@@ -55,6 +55,7 @@ class dense_reduced_solver {
     const auto n = static_cast<std::size_t>(padded_);
     matrix_ = ctx.template scratch<double>(n * n);
     x_ = ctx.template scratch<double>(n);
+    fill_bytes(ctx.policy(), x_ + n_, 0, (n - static_cast<std::size_t>(n_)) * sizeof(double));
   }
 
   /// \return the steps of the free frames in the policy's memory through `x`, and a host view of them through

@@ -11,6 +11,7 @@
 
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../error.hpp"
 #include "../map/covisibility.hpp"
 #include "../map/map_edit.hpp"
 #include "../map/map_traits.hpp"
@@ -18,6 +19,7 @@
 #include "../map/scale_table.hpp"
 #include "../map/timed_guard.hpp"
 #include "../map/validate.hpp"
+#include "../math/functions.hpp"
 #include "levenberg_marquardt.hpp"
 #include "problem.hpp"
 
@@ -76,12 +78,14 @@ class local_adjustment {
     validate_rig(rig);
   }
 
-  /// The guard is held to copy what is adjusted and to write the result, not between. A map whose free keyframes moved
-  /// meanwhile is left as it is (summary.stale); points that moved or died keep what they have.
+  /// The guard is held to copy what is adjusted and to write the result, not between. The map is left as it is where a
+  /// free keyframe moved or died meanwhile (summary.stale), and where nothing better was found (summary.solve.accepted is
+  /// 0, and end says why). Points that moved or died meanwhile keep what they have.
   /// \throws std::invalid_argument  an option or the traits' camera is out of range; inconsistent_map where an outlier's point
   ///         contradicts the map: nothing is written then
   local_adjustment_summary operator()(context<Policy>& ctx, Map& map, keyframe current,
                                       const local_adjustment_options& options, guard_times& held) {
+    check(options);
     local_adjustment_summary summary;
     {
       const timed_guard<Map> guard(map, held);
@@ -118,6 +122,14 @@ class local_adjustment {
     const auto& x = traits::position(map, p);
     return {x.x, x.y, x.z};
   }
+  static void check(const local_adjustment_options& o) {
+    const auto positive = [](double x) { return detail::is_finite(x) && x > 0; };
+    require(o.scales.scale_factor >= 1 && detail::is_finite(o.scales.scale_factor), "options.scales.scale_factor",
+            o.scales.scale_factor, "must be finite and at least 1");
+    require(positive(o.mono_chi2), "options.mono_chi2", o.mono_chi2, "must be finite and positive");
+    require(positive(o.stereo_chi2), "options.stereo_chi2", o.stereo_chi2, "must be finite and positive");
+    require(o.fewest_measurements >= 0, "options.fewest_measurements", o.fewest_measurements, "must not be negative");
+  }
 
   void gather(const Map& map, keyframe current, const local_adjustment_options& options,
               local_adjustment_summary& summary) {
@@ -126,6 +138,8 @@ class local_adjustment {
     frames_.clear(), frame_numbers_.clear(), point_numbers_.clear(), points_.clear();
     before_.clear(), fixed_.clear(), positions_before_.clear();
     frame_.clear(), landmark_.clear(), pixel_.clear(), information_.clear(), camera_.clear(), keypoint_.clear();
+    summary.stale = !traits::alive(map, current);
+    if (summary.stale) return;
     add_frame(map, current, is_origin(map, current));
     for (const auto& c : covisibility_(map, current, options.min_shared_points))
       add_frame(map, c.keyframe, is_origin(map, c.keyframe));
@@ -146,7 +160,7 @@ class local_adjustment {
     }
     bool any_fixed = false;
     for (const auto fixed : fixed_) any_fixed = any_fixed || fixed != 0;
-    if (!any_fixed && local > 1) {
+    if (!any_fixed) {
       std::size_t oldest = 0;
       for (std::size_t f = 1; f < local; ++f)
         if (traits::id(map, frames_[f]) < traits::id(map, frames_[oldest])) oldest = f;
@@ -183,6 +197,11 @@ class local_adjustment {
     keypoint_.push_back(keypoint);
   }
 
+  bool unmoved(const Map& map, std::size_t p) const {
+    if (!traits::alive(map, points_[p])) return false;
+    const vec3<double> now = position_of(map, points_[p]), &then = positions_before_[p];
+    return now.x == then.x && now.y == then.y && now.z == then.z;
+  }
   void commit(Map& map, const local_adjustment_options& options, local_adjustment_summary& summary) {
     for (std::size_t f = 0; f < frames_.size(); ++f) {
       if (fixed_[f] != 0) continue;
@@ -191,22 +210,19 @@ class local_adjustment {
     if (summary.stale) return;
     outliers_.clear();
     for (std::size_t row = 0; row < frame_.size(); ++row) {
-      const bool stereo = pixel_[row].z >= 0 && rig_[camera_[row]].bf > 0;
+      const bool stereo = pixel_[row].z >= 0 && detail::is_finite(pixel_[row].z) && rig_[camera_[row]].bf > 0;
       if (chi2_[row] <= (stereo ? options.stereo_chi2 : options.mono_chi2) && depth_[row] > 0) continue;
       const keyframe k = frames_[static_cast<std::size_t>(frame_[row])];
-      const point p = points_[static_cast<std::size_t>(landmark_[row])];
-      if (!traits::alive(map, k) || !traits::alive(map, p) || !(traits::point_at(map, k, keypoint_[row]) == p))
-        continue;
+      const auto l = static_cast<std::size_t>(landmark_[row]);
+      const point p = points_[l];
+      if (!traits::alive(map, k) || !unmoved(map, l) || !(traits::point_at(map, k, keypoint_[row]) == p)) continue;
       require_consistent(map, p);
       outliers_.push_back(row);
     }
     for (std::size_t f = 0; f < frames_.size(); ++f)
       if (fixed_[f] == 0) traits::set_pose(map, frames_[f], T_cw_[f]);
-    for (std::size_t p = 0; p < points_.size(); ++p) {
-      if (!traits::alive(map, points_[p])) continue;
-      const vec3<double> now = position_of(map, points_[p]), &then = positions_before_[p];
-      if (now.x == then.x && now.y == then.y && now.z == then.z) traits::set_position(map, points_[p], positions_[p]);
-    }
+    for (std::size_t p = 0; p < points_.size(); ++p)
+      if (unmoved(map, p)) traits::set_position(map, points_[p], positions_[p]);
     for (const std::size_t row : outliers_) {
       const keyframe k = frames_[static_cast<std::size_t>(frame_[row])];
       if (traits::point_at(map, k, keypoint_[row]) == point{}) continue;  // its point died of an outlier before

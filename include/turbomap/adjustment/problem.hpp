@@ -95,13 +95,18 @@ class bundle_problem {
       finite = finite && detail::is_finite(T.qx + T.qy + T.qz + T.qw) && detail::is_finite(T.tx + T.ty + T.tz);
     }
 
-    finite_ = false, observations_ = 0, structure_.frames = 0;  // empty until all is there
+    finite_ = false, observations_ = 0;  // empty until all is there
     ctx.synchronize();
-    build_structure(frames, landmark_count, groups...);
-    place_groups(ctx.policy(), groups...);
-    upload_state(ctx, frames, landmarks);
-    send_lists(ctx.policy());
-    ctx.synchronize();
+    try {
+      build_structure(frames, landmark_count, groups...);
+      place_groups(ctx.policy(), groups...);
+      upload_state(ctx, frames, landmarks);
+      send_lists(ctx.policy());
+      ctx.synchronize();
+    } catch (...) {
+      structure_.frames = structure_.landmarks = 0;
+      throw;
+    }
     observations_ = (0 + ... + resident_group<Groups, Frame, Policy>::size(groups));
     finite_ = finite;
     blocks_known_ = blocks_sent_ = workspace_.analysed = false;
@@ -137,6 +142,8 @@ class bundle_problem {
   void chi2(context<Policy>& ctx, std::vector<double>& chi2, std::vector<double>& depth) {
     using group_type = std::tuple_element_t<Group, std::tuple<resident_group<Groups, Frame, Policy>...>>;
     static_assert(group_type::with_landmarks);
+    chi2.clear(), depth.clear();
+    if (observations_ == 0) return;
     const auto& s = structure_.groups[landmark_group_index(Group)];
     const std::size_t n = s.source.size();
     ctx.begin_call();
@@ -190,7 +197,7 @@ class bundle_problem {
   }
 
   void build_structure(const frame_input<Frame>& frames, int landmark_count, const Groups&... groups) {
-    landmark_inputs_.clear(), pair_first_.clear();
+    landmark_inputs_.clear(), pair_groups_ = 0;
     std::apply([&](auto&... resident) { (add_structure_input(resident, groups), ...); }, groups_);
     builder_.build(landmark_count, frames.fixed, static_cast<int>(frames.states.size()),
                    span<const landmark_group_input>(landmark_inputs_), chunk_size, structure_);
@@ -200,8 +207,9 @@ class bundle_problem {
     if constexpr (Resident::with_landmarks) {
       landmark_inputs_.push_back(resident.structure_input(group));
     } else if constexpr (Resident::between_frames) {  // kept: blocks are found later
-      pair_first_.push_back({std::vector<std::int32_t>(group.first.begin(), group.first.end()),
-                             std::vector<std::int32_t>(group.second.begin(), group.second.end())});
+      if (pair_first_.size() == pair_groups_) pair_first_.emplace_back();
+      auto& [first, second] = pair_first_[pair_groups_++];
+      first.assign(group.first.begin(), group.first.end()), second.assign(group.second.begin(), group.second.end());
     }
   }
 
@@ -211,13 +219,14 @@ class bundle_problem {
     factor_frame_.clear();
     std::apply([&](auto&... resident) { (place_group(policy, resident, groups, next, landmark_group), ...); }, groups_);
     costs_ = next.first_cost, factor_partials_ = next.first_factor_partial, squares_ = next.first_square;
-    structure_builder::list_by_frame(factor_frame_, structure_.free_frames, frame_factor_, frame_factor_list_);
+    builder_.list_by_frame(factor_frame_, structure_.free_frames, frame_factor_, frame_factor_list_);
     list_neighbours();
   }
   /// Factors between two free frames, by each of them.
   void list_neighbours() {
-    std::vector<frame_neighbour> all;
-    std::vector<std::int32_t> of;
+    auto& all = all_neighbours_;
+    auto& of = frame_of_neighbour_;
+    all.clear(), of.clear();
     std::int32_t factor = 0;
     for (const auto& [first, second] : pair_first_)
       for (std::size_t i = 0; i < first.size(); ++i, ++factor) {
@@ -226,7 +235,7 @@ class bundle_problem {
         of.push_back(b >= 0 ? a : -1), all.push_back({factor, b, 1});
         of.push_back(a >= 0 ? b : -1), all.push_back({factor, a, 0});
       }
-    structure_builder::list_by_frame(of, structure_.free_frames, frame_pair_, neighbour_order_);
+    builder_.list_by_frame(of, structure_.free_frames, frame_pair_, neighbour_order_);
     neighbours_.host().clear();
     for (const auto i : neighbour_order_) neighbours_.host().push_back(all[static_cast<std::size_t>(i)]);
   }
@@ -286,9 +295,9 @@ class bundle_problem {
   /// The lists of the blocks: made when the first solver asks for them.
   void find_blocks() {
     if (blocks_known_) return;
-    std::vector<frame_pair_input> inputs;
-    for (const auto& p : pair_first_) inputs.push_back({p.first, p.second});
-    builder_.find_blocks(span<const frame_pair_input>(inputs), structure_);
+    pair_inputs_.clear();
+    for (const auto& p : pair_first_) pair_inputs_.push_back({p.first, p.second});
+    builder_.find_blocks(span<const frame_pair_input>(pair_inputs_), structure_);
     blocks_known_ = true;
   }
   void send_blocks(const Policy& policy) {
@@ -310,7 +319,10 @@ class bundle_problem {
   structure_builder builder_;
   std::vector<landmark_group_input> landmark_inputs_;
   std::vector<std::pair<std::vector<std::int32_t>, std::vector<std::int32_t>>> pair_first_;
-  std::vector<std::int32_t> factor_frame_, frame_factor_, frame_factor_list_, frame_pair_, neighbour_order_;
+  std::vector<frame_pair_input> pair_inputs_;
+  std::vector<frame_neighbour> all_neighbours_;
+  std::vector<std::int32_t> factor_frame_, frame_factor_, frame_factor_list_, frame_pair_, neighbour_order_,
+      frame_of_neighbour_;
   std::vector<uploaded_indices> lists_;  ///< in the order of send_lists(), then of send_blocks()
   uploaded<slot_pair, memory> pairs_;
   uploaded<frame_neighbour, memory> neighbours_;
@@ -321,6 +333,7 @@ class bundle_problem {
   array<isometry<double>, memory> poses_[2];
   reduced_workspace<Frame::dof> workspace_;
   mutable std::vector<double> staging_;
+  std::size_t pair_groups_ = 0;
   int current_ = 0, observations_ = 0, costs_ = 0, factor_partials_ = 0, squares_ = 0;
   bool finite_ = false, has_fixed_landmarks_ = false, blocks_known_ = false, blocks_sent_ = false;
 };

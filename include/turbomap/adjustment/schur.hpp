@@ -221,6 +221,7 @@ struct substitute_landmarks {
         to[l * landmark_stride + k] = from[l * landmark_stride + k] + dx[k];
         gain += dx[k] * (held[k] * dx[k] + e.b[k]);
       }
+      to[l * landmark_stride + 3] = 0;  // copied to the host with the others
     }
     predicted[i] = gain;
   }

@@ -114,6 +114,8 @@ class structure_builder {
   /// never form the reduced matrix. O(pairs).
   void find_blocks(span<const frame_pair_input> pair_groups, adjustment_structure& s) {
     factor_row_.clear(), factor_code_.clear(), factor_column_.clear();
+    s.block_row.clear(), s.block_column.clear(), s.pairs.clear(), s.factor_list.clear();
+    s.block_pair.assign(1, 0), s.block_factor.assign(1, 0);
     std::int32_t factor = 0;
     for (const auto& g : pair_groups)
       for (std::size_t i = 0; i < g.first.size(); ++i, ++factor) {
@@ -158,15 +160,15 @@ class structure_builder {
   }
 
   /// Lists the items of each bin, in order; items of bin -1 are in none.
-  static void list_by_frame(const indices& bin, int bins, indices& begin, indices& list) {
+  void list_by_frame(const indices& bin, int bins, indices& begin, indices& list) {
     begin.assign(at(bins) + 1, 0);
     for (const auto b : bin)
       if (b >= 0) ++begin[at(b) + 1];
     for (std::size_t i = 1; i < begin.size(); ++i) begin[i] += begin[i - 1];
     list.resize(at(begin.back()));
-    indices next(begin.begin(), begin.end());
+    next_in_bin_.assign(begin.begin(), begin.end());
     for (std::size_t i = 0; i < bin.size(); ++i)
-      if (bin[i] >= 0) list[at(next[at(bin[i])]++)] = static_cast<std::int32_t>(i);
+      if (bin[i] >= 0) list[at(next_in_bin_[at(bin[i])]++)] = static_cast<std::int32_t>(i);
   }
 
  private:
@@ -297,7 +299,7 @@ class structure_builder {
 
   indices key_, all_frame_, all_landmark_, order_, other_, counts_, first_of_group_, coupling_of_row_;
   indices frame_of_key_, frame_of_partial_, columns_, shared_, joined_, next_, next_factor_;
-  indices factor_row_, factor_column_, factor_code_, factor_begin_, factor_order_;
+  indices factor_row_, factor_column_, factor_code_, factor_begin_, factor_order_, next_in_bin_;
 };
 
 }  // namespace turbomap

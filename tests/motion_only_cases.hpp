@@ -1,0 +1,151 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Frames to adjust to fixed points, and what must hold of their poses under every policy.
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include <turbomap/adjustment/motion_only.hpp>
+
+#include "adjustment_cases.hpp"
+
+namespace turbomap_test {
+
+using turbomap::motion_only_options;
+
+/// The observations of a scene, frame by frame, with the true points.
+struct frames_input {
+  explicit frames_input(adjustment_scene scene) : s(std::move(scene)) {
+    begin.push_back(0);
+    for (std::size_t f = 0; f < s.poses.size(); ++f) {
+      for (std::size_t i = 0; i < s.frame.size(); ++i)
+        if (s.frame[i] == static_cast<int>(f)) add(i);
+      begin.push_back(static_cast<std::int32_t>(point.size()));
+    }
+  }
+  void add(std::size_t i) {
+    point.push_back(s.true_points[static_cast<std::size_t>(s.landmark[i])]), pixel.push_back(s.pixel[i]);
+    information.push_back(s.information[i]), camera.push_back(s.camera[i]);
+  }
+  turbomap::motion_only_input<scene_camera> view() const {
+    using turbomap::span;
+    turbomap::motion_only_input<scene_camera> in;
+    in.rig = s.view(), in.T_cw = span<const rigid_transform<double>>(s.poses);
+    in.begin = span<const std::int32_t>(begin);
+    in.point = span<const vec3<double>>(point), in.pixel = span<const vec3<double>>(pixel);
+    in.information = span<const double>(information), in.camera = span<const std::uint8_t>(camera);
+    return in;
+  }
+  adjustment_scene s;
+  std::vector<std::int32_t> begin;
+  std::vector<vec3<double>> point, pixel;
+  std::vector<double> information;
+  std::vector<std::uint8_t> camera;
+};
+
+/// What an adjustment under a policy gives.
+struct posed {
+  std::vector<turbomap::posed_frame> frames;
+  std::vector<std::uint8_t> outlier;
+};
+
+template <class Policy>
+posed adjust_poses(const Policy& policy, const frames_input& in, const motion_only_options& options = {}) {
+  turbomap::context<Policy> ctx{policy};
+  turbomap::motion_only<scene_camera, Policy> adjust(ctx);
+  posed p;
+  adjust(ctx, in.view(), options, p.frames, p.outlier);
+  return p;
+}
+
+/// How far two poses are apart: metres, and the elements of their rotations.
+inline double pose_error(const rigid_transform<double>& a, const rigid_transform<double>& b) {
+  const auto x = turbomap::to_isometry<double>(a), y = turbomap::to_isometry<double>(b);
+  double d = std::abs(x.t.x - y.t.x) + std::abs(x.t.y - y.t.y) + std::abs(x.t.z - y.t.z);
+  for (int i = 0; i < 9; ++i) d = std::max(d, std::abs(x.R.m[i] - y.R.m[i]));
+  return d;
+}
+
+/// Poses are found among outliers, and outliers told.
+template <class Policy>
+void check_poses_found(const Policy& policy) {
+  for (const auto kind : {scene_kind::mono, scene_kind::stereo, scene_kind::fisheye_rig}) {
+    CAPTURE(static_cast<int>(kind));
+    const frames_input in(make_adjustment_scene(kind, 6, 0, 120, 4));
+    const posed p = adjust_poses(policy, in);
+    REQUIRE(p.frames.size() == 6);
+    REQUIRE(p.outlier.size() == in.point.size());
+    CHECK(std::count(p.outlier.begin(), p.outlier.end(), 1) > static_cast<long>(p.outlier.size()) / 50);
+    double before = 0, after = 0;
+    for (std::size_t f = 0; f < 6; ++f) {
+      CHECK(p.frames[f].adjusted == 1);
+      before += pose_error(in.s.poses[f], in.s.true_poses[f]);
+      after += pose_error(p.frames[f].T_cw, in.s.true_poses[f]);
+      int inliers = 0;
+      for (auto i = static_cast<std::size_t>(in.begin[f]); i < static_cast<std::size_t>(in.begin[f + 1]); ++i)
+        inliers += p.outlier[i] == 0;
+      CHECK(p.frames[f].inliers == inliers);
+      CHECK(inliers > 0.8 * (in.begin[f + 1] - in.begin[f]));
+    }
+    CHECK(after < 0.7 * before);
+  }
+}
+
+/// Frames that cannot be adjusted: all outliers (1), not a number (3), no observation (5), too few (6). Frame 2 sees a
+/// point that is not a number: an outlier like others.
+inline frames_input frames_to_refuse() {
+  frames_input in(make_adjustment_scene(scene_kind::stereo, 5, 0, 60, 8));
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto n = static_cast<std::int32_t>(in.point.size());
+  for (auto i = static_cast<std::size_t>(in.begin[1]); i < static_cast<std::size_t>(in.begin[2]); ++i)
+    in.pixel[i] = {1e5, -1e5, -1};
+  in.point[static_cast<std::size_t>(in.begin[2])].x = nan;
+  in.pixel[static_cast<std::size_t>(in.begin[3])].x = nan;
+  in.begin.push_back(n), in.s.poses.push_back({0, 0, 0, 2, 1, 2, 3});
+  in.begin.push_back(n + 2), in.s.poses.push_back({});
+  for (int k = 0; k < 2; ++k) in.add(0);
+  return in;
+}
+
+/// They stay to the bit; the others do not mind.
+template <class Policy>
+void check_poses_refused(const Policy& policy) {
+  const frames_input in = frames_to_refuse();
+  const posed p = adjust_poses(policy, in);
+  const bool adjusted[] = {true, false, true, false, true, false, false};
+  REQUIRE(p.frames.size() == 7);
+  for (std::size_t f = 0; f < 7; ++f) {
+    CAPTURE(f);
+    CHECK((p.frames[f].adjusted != 0) == adjusted[f]);
+    if (!adjusted[f]) CHECK(pose_error(p.frames[f].T_cw, in.s.poses[f]) == 0);
+  }
+  CHECK(p.outlier[static_cast<std::size_t>(in.begin[2])] == 1);
+}
+
+/// Bad input is refused.
+template <class Policy>
+void check_bad_frames(const Policy& policy) {
+  const frames_input in(make_adjustment_scene(scene_kind::stereo, 5, 0, 60, 8));
+  auto bad = in;
+  bad.begin[1] = -1;
+  CHECK_THROWS_AS(adjust_poses(policy, bad), std::invalid_argument);
+  bad = in, bad.camera[0] = 1;
+  CHECK_THROWS_AS(adjust_poses(policy, bad), std::invalid_argument);
+  bad = in, bad.pixel.pop_back();
+  CHECK_THROWS_AS(adjust_poses(policy, bad), std::invalid_argument);
+  motion_only_options options;
+  options.rounds = 0;
+  CHECK_THROWS_AS(adjust_poses(policy, in, options), std::invalid_argument);
+}
+
+}  // namespace turbomap_test
