@@ -76,6 +76,9 @@ int main(int argc, char** argv) try {
   app.add_flag("--queue", a.queue, "keyframes come in recorded time: stages are skipped while one waits");
   app.add_option("--precision", a.numbers, "what adjustments compute in")
       ->check(CLI::IsMember({"float64", "mixed", "float32"}));
+  app.add_option("--stereo-correlation", a.stereo_correlation,
+                 "of the errors of u and u_right, in adjustments; not given: 31/32, simulated recordings 0")
+      ->check(CLI::Range(0.0, 0.9999));
   app.add_option("--merges", a.merges, "what fusion does with points that a camera sees at two keypoints")
       ->check(CLI::IsMember({"refuse", "apart", "drop"}));
   app.add_option("--deadline-ms", a.deadline_ms, "time a keyframe may take: work that would overrun is cut")

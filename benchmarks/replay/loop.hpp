@@ -83,7 +83,7 @@ class replayer {
         ctx_(policy),
         store_(recorded_store_options(recording.meta)),
         world_(recording, arguments.adjustment),
-        tracker_(ctx_, rig_, recording.meta.pyramid()),
+        tracker_(ctx_, rig_, recording.meta.pyramid(), arguments.correlation(recording.is_simulated())),
         adjustment_(ctx_, {rig_.data(), static_cast<int>(rig_.size())}),
         judge_(recording, ctx_),
         mapper_(ctx_, world_.map(), store_, mapper_options(recording.meta, arguments), hooks()) {}
@@ -167,6 +167,7 @@ class replayer {
     turbomap::local_adjustment_options options;
     options.scales = recording_.meta.pyramid();
     options.solve.numbers = arguments_.precision();
+    options.stereo_correlation = arguments_.correlation(recording_.is_simulated());
     if (std::isfinite(time_left_ms)) options.solve.time_budget_ms = time_left_ms;
     adjusted_ = adjustment_(ctx_, map, k, options, held_);
     mapper_.update_geometry(turbomap::span<const turbomap::map_point_id>(adjustment_.points()));

@@ -24,8 +24,9 @@ class pose_tracker {
   static constexpr std::size_t fewest = 10;  ///< associations: with fewer the guess stands
 
   pose_tracker(turbomap::context<Policy>& ctx, const std::vector<turbomap::rig_camera<camera>>& rig,
-               const turbomap::pyramid& scales)
+               const turbomap::pyramid& scales, double stereo_correlation)
       : ctx_(ctx), rig_(rig), adjust_(ctx) {
+    options_.stereo_correlation = stereo_correlation;
     turbomap::fill_scales(scales, scale_, sigma2_);
   }
 
@@ -49,7 +50,7 @@ class pose_tracker {
     in.T_cw = {&traits::pose(map, k), 1};
     in.begin = {begin, 2};
     in.point = points_, in.pixel = pixels_, in.information = information_, in.camera = cameras_;
-    adjust_(ctx_, in, {}, poses_, outliers_);
+    adjust_(ctx_, in, options_, poses_, outliers_);
     if (poses_[0].adjusted == 0) return;
     traits::set_pose(map, k, poses_[0].T_cw);
     for (std::size_t n = 0; n < keypoints_.size(); ++n)
@@ -60,6 +61,7 @@ class pose_tracker {
   turbomap::context<Policy>& ctx_;
   const std::vector<turbomap::rig_camera<camera>>& rig_;
   turbomap::motion_only<camera, Policy> adjust_;
+  turbomap::motion_only_options options_;
   float scale_[turbomap::scale_table_size], sigma2_[turbomap::scale_table_size];
   std::vector<turbomap::vec3<double>> points_, pixels_;
   std::vector<double> information_;

@@ -51,6 +51,10 @@ struct reprojections {
   span<const std::uint8_t> stereo = {};  ///< not 0: three residuals, whatever u_right is; empty: where u_right >= 0
   Kernel mono_kernel = {};               ///< kernel of rows with two residuals
   Kernel stereo_kernel = {};             ///< kernel of rows with three
+  /// Of the errors of u and u_right, from 0 (independent [ORB-SLAM3]) to below 1. A u_right that was found by matching
+  /// the left one's patch moves with it: the sigma of the disparity is sqrt(2 (1 - correlation)) that of u. Too
+  /// much does harm: depths are believed that are not known.
+  double stereo_correlation = 0;
   /// chi2 of a row whose camera cannot project its landmark (it has no derivative then): as if it were off by 1000 px
   /// at
   /// sigma 1, so that a step does not gain by making rows undefined. Pinholes are undefined in their focal plane only:

@@ -28,11 +28,12 @@ namespace turbomap {
 /// Options of local_adjustment. Defaults are those of [ORB-SLAM3].
 struct local_adjustment_options {
   adjustment_options solve;
-  pyramid scales;               ///< information of a keypoint: scale_factor^(-2 octave) px^-2
-  int min_shared_points = 15;   ///< keyframes that share so many with the current one move with it
-  double mono_chi2 = 5.991;     ///< Huber's delta^2, and outlier beyond it: 95 %, 2 dof
-  double stereo_chi2 = 7.815;   ///< 95 %, 3 dof
-  int fewest_measurements = 2;  ///< a point dies when outliers leave it so many measurements or fewer
+  pyramid scales;                 ///< information of a keypoint: scale_factor^(-2 octave) px^-2
+  int min_shared_points = 15;     ///< keyframes that share so many with the current one move with it
+  double mono_chi2 = 5.991;       ///< Huber's delta^2, and outlier beyond it: 95 %, 2 dof
+  double stereo_chi2 = 7.815;     ///< 95 %, 3 dof
+  double stereo_correlation = 0;  ///< of the errors of u and u_right: see reprojections; 0 [ORB-SLAM3]
+  int fewest_measurements = 2;    ///< a point dies when outliers leave it so many measurements or fewer
 
   local_adjustment_options() { solve.min_relative_decrease = 1e-3; }  // three slow iterations in a row end it
 };
@@ -99,6 +100,7 @@ class local_adjustment {
     rows.rig = {rig_.data(), static_cast<int>(rig_.size())};
     rows.frame = frame_, rows.landmark = landmark_, rows.pixel = pixel_, rows.information = information_;
     rows.camera = camera_;
+    rows.stereo_correlation = options.stereo_correlation;
     rows.mono_kernel.delta2 = options.mono_chi2, rows.stereo_kernel.delta2 = options.stereo_chi2;
     problem_.assign(ctx, {before_, fixed_}, {positions_before_, {}}, rows);
     summary.solve = adjust(ctx, problem_, options.solve);
@@ -128,6 +130,7 @@ class local_adjustment {
             o.scales.scale_factor, "must be finite and at least 1");
     require(positive(o.mono_chi2), "options.mono_chi2", o.mono_chi2, "must be finite and positive");
     require(positive(o.stereo_chi2), "options.stereo_chi2", o.stereo_chi2, "must be finite and positive");
+    require_correlation(o.stereo_correlation, "options.stereo_correlation");
     require(o.fewest_measurements >= 0, "options.fewest_measurements", o.fewest_measurements, "must not be negative");
   }
 

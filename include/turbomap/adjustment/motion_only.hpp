@@ -27,6 +27,7 @@ struct motion_only_options {
   int robust_rounds = 3;               ///< rounds with Huber's kernel; the last ones are plain least squares
   double mono_chi2 = 5.991;            ///< outlier beyond it, and Huber's delta^2: 95 %, 2 dof
   double stereo_chi2 = 7.815;          ///< 95 %, 3 dof
+  double stereo_correlation = 0;       ///< of the errors of u and u_right: see reprojections
   int min_observations = 3;            ///< fewer (or fewer inliers after a round): the pose stays as it was
   double initial_lambda_scale = 1e-5;  ///< of the largest diagonal element
 };
@@ -230,7 +231,7 @@ class motion_only {
     check(in, options);
     const std::size_t frames = in.T_cw.size(), n = in.point.size();
     cameras_.host().clear();
-    for (int c = 0; c < in.rig.count; ++c) cameras_.host().push_back(adjustment_camera<Camera>(in.rig[c]));
+    for (int c = 0; c < in.rig.count; ++c) cameras_.host().emplace_back(in.rig[c], options.stereo_correlation);
     ctx.synchronize();
     ctx.begin_call();
     const Policy& policy = ctx.policy();
@@ -285,6 +286,7 @@ class motion_only {
     require(options.iterations >= 1, "options.iterations", options.iterations, "must be positive");
     require(options.mono_chi2 > 0, "options.mono_chi2", options.mono_chi2, "must be positive");
     require(options.stereo_chi2 > 0, "options.stereo_chi2", options.stereo_chi2, "must be positive");
+    require_correlation(options.stereo_correlation, "options.stereo_correlation");
     require(options.min_observations >= 1, "options.min_observations", options.min_observations, "must be positive");
   }
 

@@ -16,6 +16,7 @@
 #include "../camera/kannala_brandt.hpp"
 #include "../camera/rig.hpp"
 #include "../config.hpp"
+#include "../error.hpp"
 #include "../math/dual.hpp"
 #include "../math/functions.hpp"
 #include "../math/linear.hpp"
@@ -56,19 +57,32 @@ struct adjustment_camera {
   pinhole<double> K;               ///< where straight
   kannala_brandt<double> fisheye;  ///< where round
   double bf;
-  bool straight;  ///< a pinhole: computed in packs
-  bool round;     ///< a Kannala-Brandt camera: the same
-  bool is_body;   ///< T_camera_body is the identity
+  double correlation;  ///< of the errors of u and u_right
+  double whitening;    ///< 1 / sqrt(1 - correlation^2)
+  bool straight;       ///< a pinhole: computed in packs
+  bool round;          ///< a Kannala-Brandt camera: the same
+  bool is_body;        ///< T_camera_body is the identity
 
   adjustment_camera() = default;
-  explicit adjustment_camera(const rig_camera<Camera>& c)
-      : camera(c.camera), T_camera_body(to_isometry<double>(c.T_camera_body)), K(), fisheye(), bf(c.bf) {
+  explicit adjustment_camera(const rig_camera<Camera>& c, double stereo_correlation = 0)
+      : camera(c.camera),
+        T_camera_body(to_isometry<double>(c.T_camera_body)),
+        K(),
+        fisheye(),
+        bf(c.bf),
+        correlation(stereo_correlation),
+        whitening(1 / std::sqrt(1 - stereo_correlation * stereo_correlation)) {
     straight = as_pinhole(c.camera, K);
     round = as_kannala_brandt(c.camera, fisheye);
     const auto& T = c.T_camera_body;
     is_body = T.qx == 0 && T.qy == 0 && T.qz == 0 && T.tx == 0 && T.ty == 0 && T.tz == 0;
   }
 };
+
+/// Throws std::invalid_argument.
+inline void require_correlation(double correlation, const char* argument) {
+  require(correlation >= 0 && correlation < 1, argument, correlation, "must be at least 0 and below 1");
+}
 
 /// Pixel and derivative of one point in camera coordinates; dual numbers where the model has no derivative.
 template <class Camera>
@@ -95,11 +109,12 @@ TURBOMAP_HD vec3<pack<T, N>> transform(const isometry<double>& T_ab, const vec3<
           multiply_add(c[6], x.x, multiply_add(c[7], x.y, multiply_add(c[8], x.z, P(static_cast<T>(T_ab.t.z)))))};
 }
 
-/// Rows (u, v and, where Stereo, u_right) of N observations.
+/// Rows (u, v and, where Stereo, u_right) of N observations. What u's error says of u_right's is taken out of the third
+/// row, and what is left scaled to sigma: rows are independent then.
 /// \tparam G  numbers of residuals   \tparam A  numbers of derivatives
 template <class G, class A, int N>
 struct lane_reprojection {
-  pack<G, N> e[3];     ///< projection minus measurement, px; where not defined: anything finite
+  pack<G, N> e[3];     ///< projection minus measurement, px (the third whitened); where not defined: anything finite
   pack<G, N> defined;  ///< 1 or 0
   pack<A, N> d[3][3];  ///< derivatives of e by the point in body coordinates
 
@@ -119,7 +134,10 @@ struct lane_reprojection {
       if constexpr (Derivative) {
         d[2][0] = d[0][0], d[2][1] = d[0][1];
         d[2][2] = d[0][2] + convert<A>(disparity * iz);
+        const pack<A, N> rho(static_cast<A>(c.correlation)), scale(static_cast<A>(c.whitening));
+        for (int k = 0; k < 3; ++k) d[2][k] = (d[2][k] - rho * d[0][k]) * scale;
       }
+      e[2] = (e[2] - pack<G, N>(static_cast<G>(c.correlation)) * e[0]) * pack<G, N>(static_cast<G>(c.whitening));
     }
     if constexpr (Derivative) {
       if (!c.is_body)

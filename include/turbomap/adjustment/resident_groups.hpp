@@ -60,6 +60,7 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Policy> {
     detail::require_indices(g.frame, frames, "frame");
     detail::require_indices(g.landmark, landmarks, "landmark");
     validate_rig(g.rig);
+    require_correlation(g.stereo_correlation, "stereo_correlation");
     require(g.rig.count <= 127, "rig.count", g.rig.count, "must be below 128");
     for (const auto c : g.camera) require(c < g.rig.count, "camera", static_cast<int>(c), "is not in the rig");
     for (std::size_t i = 0; i < g.stereo.size(); ++i)
@@ -91,7 +92,7 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Policy> {
     count_ = static_cast<int>(g.frame.size());
     kernel_[0] = g.mono_kernel, kernel_[1] = g.stereo_kernel, undefined_chi2_ = g.undefined_chi2;
     cameras_.host().clear();
-    for (int c = 0; c < g.rig.count; ++c) cameras_.host().push_back(adjustment_camera<Camera>(g.rig[c]));
+    for (int c = 0; c < g.rig.count; ++c) cameras_.host().emplace_back(g.rig[c], g.stereo_correlation);
     const std::size_t n = s.source.size();
     for (auto* a : {&u_, &v_, &u_right_, &information_}) a->host().resize(n);
     for (const auto& c : s.chunks)
