@@ -14,6 +14,7 @@
 #include <turbomap/local_mapper.hpp>
 
 #include "arguments.hpp"
+#include "map_digest.hpp"
 #include "match_judge.hpp"
 #include "recorded_keyframes.hpp"
 #include "replayed_map.hpp"
@@ -40,6 +41,7 @@ struct replay_result {
   std::vector<std::int32_t> point_observations;
   std::size_t associations = 0, associations_kept = 0;  ///< of tracking
   std::size_t keyframes_left = 0, faults = 0;           ///< faults: of validate() on the final map
+  std::string map_digest;                               ///< of the final map
   match_verdict matches;
   turbomap::keyframe_store_statistics store;
 };
@@ -104,6 +106,7 @@ class replayer {
     result_.keyframes_left = map.keyframe_count();
     result_.associations = world_.associations(), result_.associations_kept = world_.associations_kept();
     result_.faults = turbomap::validate(map).size();
+    result_.map_digest = map_digest(map);
     result_.matches = judge_.verdict();
     result_.store = store_.statistics();
     return std::move(result_);

@@ -111,6 +111,7 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
             {"skipped", skipped},
             {"cut", cut},
             {"map_faults", result.faults},
+            {"map_digest", result.map_digest},
             {"points_created", created},
             {"points_culled", points_culled},
             {"duplicates_merged", fused.merged},
