@@ -11,7 +11,7 @@
 #include <cstdio>
 #include <map>
 #include <turbomap/local_mapper.hpp>
-#include <turbomap/map/simple_map.hpp>
+#include <turbomap/map/simple_map/simple_map.hpp>
 #include <turbomap/map/validate.hpp>
 #include <vector>
 

@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "context_cases.hpp"
-#include "keyframe_samples.hpp"
+#include "scenes/keyframe_samples.hpp"
 
 namespace {
 

@@ -15,7 +15,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "keyframe_samples.hpp"
+#include "scenes/keyframe_samples.hpp"
 
 namespace users {
 

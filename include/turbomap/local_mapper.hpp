@@ -15,7 +15,7 @@
 
 #include "config.hpp"
 #include "context.hpp"
-#include "map/appearance_update.hpp"
+#include "mapping/appearance_update.hpp"
 #include "mapping/local_mapper_options.hpp"
 #include "mapping/neighbour_matching.hpp"
 #include "mapping/time_budget.hpp"

@@ -5,7 +5,7 @@
 /// \file
 /// The update of map points as its definition reads: one point after the other, all distances, sorted, in plain double.
 
-#include <turbomap/map/map_point_update_view.hpp>
+#include <turbomap/appearance/map_point_update_view.hpp>
 
 #include <algorithm>
 #include <cmath>

@@ -12,8 +12,8 @@
 
 #include "../config.hpp"
 #include "../error.hpp"
-#include "../map/scale_table.hpp"
 #include "../math/functions.hpp"
+#include "../math/scale_table.hpp"
 #include "duplicate_options.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE

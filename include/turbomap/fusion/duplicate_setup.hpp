@@ -14,7 +14,7 @@
 
 #include "../config.hpp"
 #include "../context.hpp"
-#include "../map/scale_table.hpp"
+#include "../math/scale_table.hpp"
 #include "duplicate_check.hpp"
 #include "duplicates.hpp"
 

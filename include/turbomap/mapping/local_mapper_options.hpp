@@ -8,13 +8,13 @@
 #include <cstdint>
 #include <functional>
 
-#include "../culling/keyframe_culling.hpp"
-#include "../culling/map_point_culling.hpp"
-#include "../fusion/duplicate_fusion.hpp"
 #include "../map/neighbourhood.hpp"
 #include "../matching/creation_plan.hpp"
 #include "../matching/neighbour_rules.hpp"
 #include "../matching/search_options.hpp"
+#include "duplicate_fusion.hpp"
+#include "keyframe_culling.hpp"
+#include "map_point_culling.hpp"
 #include "mapping_report.hpp"
 
 namespace turbomap {

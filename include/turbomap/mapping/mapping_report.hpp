@@ -12,8 +12,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "../fusion/fusion_commit.hpp"
-#include "../map/timed_guard.hpp"
+#include "fusion_commit.hpp"
+#include "timed_guard.hpp"
 
 namespace turbomap {
 

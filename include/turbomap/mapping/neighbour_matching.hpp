@@ -13,16 +13,16 @@
 
 #include "../config.hpp"
 #include "../context.hpp"
-#include "../map/keyframe_selection.hpp"
 #include "../map/map_traits.hpp"
-#include "../map/timed_guard.hpp"
 #include "../matching/correspondence_search.hpp"
-#include "../matching/creation_commit.hpp"
 #include "../matching/neighbour_rules.hpp"
 #include "../matching/point_creation.hpp"
-#include "../store/handle_table.hpp"
 #include "../store/keyframe_store.hpp"
 #include "../store/posed_keyframe.hpp"
+#include "creation_commit.hpp"
+#include "handle_table.hpp"
+#include "keyframe_selection.hpp"
+#include "timed_guard.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 

@@ -17,8 +17,8 @@
 #include "../context.hpp"
 #include "../descriptor/descriptor_concept.hpp"
 #include "../error.hpp"
-#include "../map/scale_table.hpp"
 #include "../math/functions.hpp"
+#include "../math/scale_table.hpp"
 #include "../store/keyframe_validation.hpp"
 #include "correspondences.hpp"
 

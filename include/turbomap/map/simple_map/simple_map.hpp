@@ -1,0 +1,296 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// A plain map of our own: flat arrays, every reference an index with a generation, no pointers. For the examples, the
+/// replay and for users who have no map of theirs. Everything that is done to it goes through its map_traits, as for any
+/// other map.
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "../../config.hpp"
+#include "../../error.hpp"
+#include "../../span.hpp"
+#include "../../types.hpp"
+#include "../map_traits.hpp"
+#include "map_ids.hpp"
+#include "observation_pool.hpp"
+
+namespace turbomap {
+
+/// Keyframes with slots, points with observations. Not synchronised: one writer, or the caller's lock. Members throw
+/// std::invalid_argument for an id that is stale or never was, and for an index out of range.
+template <class Descriptor, class Camera>
+class simple_map {
+ public:
+  using descriptor_type = Descriptor;
+  using camera_type = Camera;
+  using element = typename Descriptor::element;
+
+  /// \param levels  of the image pyramid: observations are counted by octave
+  explicit simple_map(int levels = pyramid{}.levels) : levels_(static_cast<std::size_t>(levels)) {
+    require(levels >= 1 && levels <= 256, "levels", levels, "must be in [1, 256]: octaves are bytes");
+  }
+
+  /// Adds a keyframe without points. Strong guarantee. \param time_s  of the image; \param previous  in time, if there is one
+  map_keyframe_id add_keyframe(span<const keypoint> keypoints, const rigid_transform<double>& T_cw, double time_s = 0,
+                               map_keyframe_id previous = {}) {
+    for (std::size_t i = 0; i < keypoints.size(); ++i)
+      require(keypoints[i].octave < levels_, "keypoints[].octave", static_cast<int>(keypoints[i].octave),
+              "is not a level of the map's pyramid");
+    if (previous != map_keyframe_id{}) check(previous);
+    std::vector<keypoint> copy(keypoints.data(), keypoints.data() + keypoints.size());
+    std::vector<std::int32_t> slots(keypoints.size(), none);
+    grow(keyframes_, keyframe_places_.size() + 1);
+    const std::int32_t k = keyframe_places_.take();
+    if (static_cast<std::size_t>(k) == keyframes_.size()) keyframes_.emplace_back();
+    auto& entry = keyframes_[static_cast<std::size_t>(k)];
+    entry = {std::move(copy), std::move(slots), T_cw, time_s, next_keyframe_++, none, none};
+    if (previous != map_keyframe_id{}) {
+      link(k, keyframes_[static_cast<std::size_t>(previous.index)].next);
+      link(previous.index, k);
+    }
+    return {k, keyframe_places_.generation(k)};
+  }
+
+  /// Adds a point (world, m) without observations. Strong guarantee.
+  map_point_id add_point(const vec3<double>& position, map_keyframe_id reference = {}) {
+    if (reference != map_keyframe_id{}) check(reference);
+    const std::size_t size = point_places_.size() + 1;
+    grow(positions_, size), grow(normals_, size), grow(ranges_, size), grow(points_, size);
+    grow(descriptors_, size * elements), grow(counts_, size * levels_);
+    observations_.open(size - 1);
+    const std::int32_t p = point_places_.take();
+    const auto at = static_cast<std::size_t>(p);
+    if (at == points_.size()) {
+      positions_.emplace_back(), normals_.emplace_back(), ranges_.emplace_back(), points_.emplace_back();
+      descriptors_.resize(descriptors_.size() + elements);
+      counts_.resize(counts_.size() + levels_);
+    }
+    positions_[at] = position;
+    normals_[at] = {};
+    ranges_[at] = {};
+    std::fill_n(descriptors_.begin() + static_cast<std::ptrdiff_t>(at * elements), elements, element{});
+    std::fill_n(counts_.begin() + static_cast<std::ptrdiff_t>(at * levels_), levels_, 0u);
+    points_[at] = {next_point_++, reference, {}, 1, 1};
+    return {p, point_places_.generation(p)};
+  }
+
+  bool alive(map_keyframe_id k) const {
+    return keyframe_places_.known(k.index, k.generation) && keyframe_places_.alive(k.index);
+  }
+  bool alive(map_point_id p) const {
+    return point_places_.known(p.index, p.generation) && point_places_.alive(p.index);
+  }
+  std::size_t keyframe_count() const { return keyframe_places_.alive_count(); }
+  std::size_t point_count() const { return point_places_.alive_count(); }
+  /// Of all points. O(points).
+  std::size_t observation_count() const {
+    std::size_t count = 0;
+    for (std::size_t p = 0; p < points_.size(); ++p) count += observations_.of(p).size();
+    return count;
+  }
+  int levels() const { return static_cast<int>(levels_); }
+
+  const rigid_transform<double>& T_cw(map_keyframe_id k) const { return at(k).T_cw; }
+  void set_pose(map_keyframe_id k, const rigid_transform<double>& T_cw) { at(k).T_cw = T_cw; }
+  span<const keypoint> keypoints(map_keyframe_id k) const { return {at(k).keypoints.data(), at(k).keypoints.size()}; }
+  const vec3<double>& position(map_point_id p) const { return positions_[checked(p)]; }
+  span<const observation> observations(map_point_id p) const { return observations_.of(checked(p)); }
+  /// The point that a keypoint sees, map_point_id{} for none.
+  map_point_id point_at(map_keyframe_id k, std::size_t keypoint) const {
+    const auto& slots = at(k).slots;
+    require(keypoint < slots.size(), "keypoint", keypoint, "is not a keypoint of the keyframe");
+    return id_of(slots[keypoint]);
+  }
+  /// The current handle of a keyframe by its index, e.g. of an observation.
+  map_keyframe_id keyframe_at(std::int32_t index) const { return {index, keyframe_places_.generation(index)}; }
+
+  /// What tracking reports: the point was expected in an image, and found in it.
+  void seen_in_tracking(map_point_id p, std::uint32_t visible, std::uint32_t found) {
+    auto& entry = points_[checked(p)];
+    entry.visible = visible, entry.found = found;
+  }
+  /// Forgets what merged points became, so that their places are used again: when nobody holds their ids any longer.
+  void forget_replacements() {
+    for (std::size_t p = 0; p < points_.size(); ++p) {
+      const auto place = static_cast<std::int32_t>(p);
+      if (!point_places_.alive(place) && points_[p].replacement != map_point_id{}) {
+        points_[p].replacement = {};
+        point_places_.give_back(place);
+      }
+    }
+  }
+
+ private:
+  friend struct map_traits<simple_map>;
+  static constexpr std::int32_t none = -1;
+  static constexpr auto elements = static_cast<std::size_t>(Descriptor::elements);
+
+  struct keyframe_entry {
+    std::vector<keypoint> keypoints;
+    std::vector<std::int32_t> slots;  ///< one a keypoint: its point or none
+    rigid_transform<double> T_cw;
+    double time_s = 0;
+    std::uint64_t id = 0;
+    std::int32_t previous = none, next = none;
+  };
+  struct range {
+    float min = 0, max = 0;
+  };
+  struct point_entry {
+    std::uint64_t id = 0;
+    map_keyframe_id reference = {};
+    map_point_id replacement = {};
+    std::uint32_t visible = 1, found = 1;
+  };
+
+  /// Room for `size` elements: what follows does not throw.
+  template <class T>
+  static void grow(std::vector<T>& v, std::size_t size) {
+    if (v.capacity() < size) v.reserve(std::max(size, 2 * v.capacity()));
+  }
+  void check(map_keyframe_id k) const {
+    require(alive(k), "keyframe", k.index, "is not a keyframe of the map, or no longer");
+  }
+  keyframe_entry& at(map_keyframe_id k) { return check(k), keyframes_[static_cast<std::size_t>(k.index)]; }
+  const keyframe_entry& at(map_keyframe_id k) const { return check(k), keyframes_[static_cast<std::size_t>(k.index)]; }
+  std::size_t checked(map_point_id p) const {
+    require(alive(p), "point", p.index, "is not a point of the map, or no longer");
+    return static_cast<std::size_t>(p.index);
+  }
+  map_point_id id_of(std::int32_t p) const {
+    return p == none ? map_point_id{} : map_point_id{p, point_places_.generation(p)};
+  }
+  map_keyframe_id keyframe_or_none(std::int32_t k) const { return k == none ? map_keyframe_id{} : keyframe_at(k); }
+  void link(std::int32_t previous, std::int32_t next) {  // either may be none
+    if (previous != none) keyframes_[static_cast<std::size_t>(previous)].next = next;
+    if (next != none) keyframes_[static_cast<std::size_t>(next)].previous = previous;
+  }
+
+  std::size_t levels_;
+  std::uint64_t next_keyframe_ = 0, next_point_ = 0;
+  detail::place_list keyframe_places_, point_places_;
+  std::vector<keyframe_entry> keyframes_;
+  // Points: one entry each, by index.
+  std::vector<vec3<double>> positions_;
+  std::vector<vec3<float>> normals_;
+  std::vector<range> ranges_;
+  std::vector<element> descriptors_;
+  std::vector<std::uint32_t> counts_;  ///< [point][octave]
+  std::vector<point_entry> points_;
+  observation_pool observations_;
+};
+
+/// A simple_map as algorithms see it. Ids are not checked here: algorithms pass on what the map gave them.
+template <class Descriptor, class Camera>
+struct map_traits<simple_map<Descriptor, Camera>> {
+  using map = simple_map<Descriptor, Camera>;
+  using keyframe = map_keyframe_id;
+  using point = map_point_id;
+  using descriptor = Descriptor;
+  using camera = Camera;
+  using element = typename Descriptor::element;
+
+  static std::uint64_t id(const map& m, keyframe k) { return of(m, k).id; }
+  static bool alive(const map& m, keyframe k) { return m.alive(k); }
+  static const rigid_transform<double>& pose(const map& m, keyframe k) { return of(m, k).T_cw; }
+  static void set_pose(map& m, keyframe k, const rigid_transform<double>& T_cw) { of(m, k).T_cw = T_cw; }
+  static std::size_t keypoint_count(const map& m, keyframe k) { return of(m, k).keypoints.size(); }
+  static const turbomap::keypoint& keypoint(const map& m, keyframe k, std::size_t i) { return of(m, k).keypoints[i]; }
+  static point point_at(const map& m, keyframe k, std::size_t i) { return m.id_of(of(m, k).slots[i]); }
+  static void set_point(map& m, keyframe k, std::size_t i, point p) { of(m, k).slots[i] = p.index; }
+  static double time(const map& m, keyframe k) { return of(m, k).time_s; }
+  static keyframe previous(const map& m, keyframe k) { return m.keyframe_or_none(of(m, k).previous); }
+  static keyframe next(const map& m, keyframe k) { return m.keyframe_or_none(of(m, k).next); }
+  /// The first keyframe of a map holds its frame of reference.
+  static bool may_erase(const map& m, keyframe k) { return of(m, k).id != 0; }
+  static bool is_origin(const map& m, keyframe k) { return of(m, k).id == 0; }
+  static void erase_keyframe(map& m, keyframe k) {
+    auto& entry = of(m, k);
+    m.link(entry.previous, entry.next);
+    entry = {};
+    m.keyframe_places_.give_back(k.index);
+  }
+
+  static std::size_t index(const map&, keyframe k) { return static_cast<std::size_t>(k.index); }
+  static std::size_t index(const map&, point p) { return at(p); }
+  static std::uint64_t id(const map& m, point p) { return m.points_[at(p)].id; }
+  static bool alive(const map& m, point p) { return m.alive(p); }
+  static point replacement(const map& m, point p) {
+    return m.point_places_.known(p.index, p.generation) ? m.points_[at(p)].replacement : point{};
+  }
+  static const vec3<double>& position(const map& m, point p) { return m.positions_[at(p)]; }
+  static void set_position(map& m, point p, const vec3<double>& position) { m.positions_[at(p)] = position; }
+  static const vec3<float>& normal(const map& m, point p) { return m.normals_[at(p)]; }
+  static float min_distance(const map& m, point p) { return m.ranges_[at(p)].min; }
+  static float max_distance(const map& m, point p) { return m.ranges_[at(p)].max; }
+  static const element* descriptor_data(const map& m, point p) { return m.descriptors_.data() + at(p) * map::elements; }
+  static keyframe reference(const map& m, point p) { return m.points_[at(p)].reference; }
+  static void set_reference(map& m, point p, keyframe k) { m.points_[at(p)].reference = k; }
+  static void set_appearance(map& m, point p, const vec3<float>& normal, float min, float max, const element* d) {
+    m.normals_[at(p)] = normal;
+    m.ranges_[at(p)] = {min, max};
+    element* own = m.descriptors_.data() + at(p) * map::elements;
+    if (d != own) std::copy_n(d, map::elements, own);
+  }
+  static point add_point(map& m, const vec3<double>& position, keyframe reference) {
+    return m.add_point(position, reference);
+  }
+  template <class F>
+  static void for_each_observation(const map& m, point p, F f) {
+    for (const observation& o : m.observations_.of(at(p)))
+      f(m.keyframe_at(o.keyframe), static_cast<std::size_t>(o.keypoint));
+  }
+  static void reserve_observations(map& m, point p, std::size_t more) { m.observations_.reserve(at(p), more); }
+  static void add_observation(map& m, point p, keyframe k, std::size_t i) {
+    m.observations_.add(at(p), {k.index, static_cast<std::int32_t>(i)});
+  }
+  static void erase_observation(map& m, point p, keyframe k, std::size_t i) {
+    m.observations_.erase(at(p), {k.index, static_cast<std::int32_t>(i)});
+  }
+  static void retire(map& m, point p, point replacement) {
+    m.observations_.close(at(p));
+    auto& entry = m.points_[at(p)];
+    entry.replacement = replacement;
+    if (replacement == point{}) {
+      m.point_places_.give_back(p.index);
+    } else {
+      m.point_places_.retire(p.index);
+      m.points_[at(replacement)].visible += entry.visible;
+      m.points_[at(replacement)].found += entry.found;
+    }
+  }
+  static span<const std::uint32_t> octave_counts(const map& m, point p) {
+    return {m.counts_.data() + at(p) * m.levels_, m.levels_};
+  }
+  static void change_octave_count(map& m, point p, int octave, int change) {
+    m.counts_[at(p) * m.levels_ + static_cast<std::size_t>(octave)] += static_cast<std::uint32_t>(change);
+  }
+  static float found_ratio(const map& m, point p) {
+    const auto& entry = m.points_[at(p)];
+    return static_cast<float>(entry.found) / static_cast<float>(entry.visible);
+  }
+  template <class F>
+  static void for_each_keyframe(const map& m, F f) {
+    for (std::size_t k = 0; k < m.keyframes_.size(); ++k)
+      if (m.keyframe_places_.alive(static_cast<std::int32_t>(k))) f(m.keyframe_at(static_cast<std::int32_t>(k)));
+  }
+  template <class F>
+  static void for_each_point(const map& m, F f) {
+    for (std::size_t p = 0; p < m.points_.size(); ++p)
+      if (m.point_places_.alive(static_cast<std::int32_t>(p))) f(m.id_of(static_cast<std::int32_t>(p)));
+  }
+
+ private:
+  static std::size_t at(point p) { return static_cast<std::size_t>(p.index); }
+  static auto& of(map& m, keyframe k) { return m.keyframes_[static_cast<std::size_t>(k.index)]; }
+  static const auto& of(const map& m, keyframe k) { return m.keyframes_[static_cast<std::size_t>(k.index)]; }
+};
+
+}  // namespace turbomap

@@ -1,0 +1,137 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Brings descriptor, normal and distance range of map points up to date with their observations, on the user's map: gathers
+/// under the guard, computes in the memory of the policy, commits under the guard.
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "../appearance/map_point_update.hpp"
+#include "../config.hpp"
+#include "../context.hpp"
+#include "../map/map_traits.hpp"
+#include "../map/numbering.hpp"
+#include "../map/validate.hpp"
+#include "../store/keyframe_store.hpp"
+#include "handle_table.hpp"
+#include "keyframe_selection.hpp"
+#include "timed_guard.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// update_map_points() on a user's map. Make one and use it again: its memory is reused.
+template <class Map, class Policy>
+class appearance_update {
+ public:
+  using traits = map_traits<Map>;
+  using point = typename traits::point;
+  using keyframe = typename traits::keyframe;
+  using descriptor = typename traits::descriptor;
+  using camera = typename traits::camera;
+  using store_type = keyframe_store<descriptor, camera, memory_of_t<Policy>>;
+
+  explicit appearance_update(const context<Policy>& ctx) : updates_(ctx) {}
+
+  /// \param points  those to be updated; dead ones, unobserved ones and repetitions are passed over, and so are observers
+  ///                that are not in the store
+  /// \return how many were
+  /// \throws inconsistent_map  a view by a keyframe or keypoint that is not there; std::invalid_argument: a position that is
+  ///         not finite. No point is changed
+  /// A point whose position or observations change meanwhile keeps what fits the snapshot; whoever changed it updates it.
+  std::size_t operator()(context<Policy>& ctx, Map& map, store_type& store, const handle_table& stored,
+                         span<const point> points, const map_point_update_options& options, guard_times& held) {
+    {
+      const timed_guard<Map> guard(map, held);
+      gather(map, stored, points);
+    }
+    if (points_.empty()) return 0;
+    const auto pinned = store.pin(ctx, span<const keyframe_handle>(observers_.handles()));
+    posed_.clear();
+    for (std::size_t k = 0; k < observers_.size(); ++k) posed_.push_back({pinned[k], observers_.T_cw()[k], {}});
+    const map_point_update_view view{static_cast<int>(points_.size()), positions_.data(), offsets_.data(),
+                                     observations_.data(), references_.data()};
+    update_map_points(ctx, view, span<const posed_keyframe<descriptor, camera>>(posed_), options, updates_);
+    updates_.plan(ctx, updated_, descriptors_);
+    const timed_guard<Map> guard(map, held);
+    for (std::size_t i = 0; i < points_.size(); ++i) {
+      const point p = points_[i];
+      if (!traits::alive(map, p)) continue;
+      updated_map_point& u = updated_[i];
+      if (!options.geometry)
+        u.normal = traits::normal(map, p), u.min_distance = traits::min_distance(map, p),
+        u.max_distance = traits::max_distance(map, p);
+      traits::set_appearance(map, p, u.normal, u.min_distance, u.max_distance,
+                             options.descriptors
+                                 ? descriptors_.data() + i * static_cast<std::size_t>(descriptor::elements)
+                                 : traits::descriptor_data(map, p));
+    }
+    return points_.size();
+  }
+
+ private:
+  struct view_of_point {
+    std::uint64_t keyframe_id;
+    std::size_t keypoint;
+    keyframe observer;
+  };
+
+  void gather(const Map& map, const handle_table& stored, span<const point> points) {
+    seen_.clear(), observers_.clear();
+    points_.clear(), positions_.clear(), observations_.clear(), references_.clear();
+    offsets_.assign(1, 0);
+    for (const point p : points) {
+      if (p == point{} || !traits::alive(map, p)) continue;
+      const std::size_t known = seen_.size();
+      if (seen_.place(map, p) != known) continue;
+      views_.clear();
+      traits::for_each_observation(map, p, [&](keyframe k, std::size_t i) {
+        if (k == keyframe{} || !traits::alive(map, k))
+          throw inconsistent_map({map_fault::observer_not_alive, 0, traits::id(map, p), i});
+        if (i >= traits::keypoint_count(map, k))
+          throw inconsistent_map({map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, p), i});
+        views_.push_back({traits::id(map, k), i, k});
+      });
+      if (views_.empty()) continue;
+      // The first of equals wins: in order of insertion into the map, whatever the order of the list.
+      std::sort(views_.begin(), views_.end(), [](const view_of_point& a, const view_of_point& b) {
+        return a.keyframe_id != b.keyframe_id ? a.keyframe_id < b.keyframe_id : a.keypoint < b.keypoint;
+      });
+      const keyframe reference = traits::reference(map, p);
+      std::size_t reference_place = id_table::none, first = id_table::none;
+      for (const view_of_point& v : views_) {
+        const std::size_t at = observers_.place(map, v.observer, stored);
+        if (at == id_table::none) continue;
+        if (first == id_table::none) first = at;
+        if (v.observer == reference) reference_place = at;
+        observations_.push_back({static_cast<std::int32_t>(at), static_cast<std::int32_t>(v.keypoint)});
+      }
+      if (first == id_table::none) continue;
+      // A reference that does not see the point: its first observer stands in.
+      if (reference_place == id_table::none) reference_place = first;
+      points_.push_back(p);
+      const auto& position = traits::position(map, p);
+      positions_.push_back({position.x, position.y, position.z});
+      references_.push_back(static_cast<std::int32_t>(reference_place));
+      offsets_.push_back(static_cast<std::int32_t>(observations_.size()));
+    }
+  }
+
+  map_point_updates<descriptor, camera, Policy> updates_;
+  point_numbering<Map> seen_;
+  keyframe_selection<Map> observers_;
+  std::vector<view_of_point> views_;
+  std::vector<point> points_;
+  std::vector<vec3<double>> positions_;
+  std::vector<std::int32_t> offsets_, references_;
+  std::vector<point_observation> observations_;
+  std::vector<posed_keyframe<descriptor, camera>> posed_;
+  std::vector<updated_map_point> updated_;
+  std::vector<typename descriptor::element> descriptors_;
+};
+
+TURBOMAP_END_NAMESPACE

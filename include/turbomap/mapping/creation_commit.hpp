@@ -1,0 +1,66 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// From accepted points of a plan to points of the user's map, each tested again on the map as it is by then.
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "../config.hpp"
+#include "../error.hpp"
+#include "../map/map_edit.hpp"
+#include "../map/map_traits.hpp"
+#include "../map/validate.hpp"
+#include "../matching/creation_plan.hpp"
+#include "../span.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Inserts the accepted points in the order of the plan, (neighbour, query keypoint). A keypoint that has a point by then,
+/// given by an earlier entry or by somebody else since the search, gets no second one, and neither does one of a keyframe
+/// that is gone. The caller holds the guard of the map.
+/// \param created  the new points, appended: their appearance is due
+/// \throws std::invalid_argument  an index out of range; inconsistent_map where a slot contradicts the map. All of the plan is
+///         checked before the first point is inserted
+/// O(plan).
+template <class Map>
+void commit_points(Map& map, span<const created_point> plan, typename map_traits<Map>::keyframe query,
+                   span<const typename map_traits<Map>::keyframe> neighbours,
+                   std::vector<typename map_traits<Map>::point>& created) {
+  using traits = map_traits<Map>;
+  static_assert(require_map_traits<Map>());
+  if (!traits::alive(map, query)) return;
+  const auto check = [&](typename traits::keyframe keyframe, std::int32_t keypoint, const char* argument) {
+    require(keypoint >= 0 && static_cast<std::size_t>(keypoint) < traits::keypoint_count(map, keyframe), argument,
+            keypoint, "is not a keypoint of the keyframe");
+    require_consistent_slot(map, keyframe, static_cast<std::size_t>(keypoint));
+  };
+  std::size_t accepted = 0;
+  for (const created_point& p : plan) {
+    require(p.neighbour >= 0 && static_cast<std::size_t>(p.neighbour) < neighbours.size(), "plan[].neighbour",
+            p.neighbour, "is not the number of a neighbour");
+    if (p.outcome != creation_outcome::accepted) continue;
+    ++accepted;
+    check(query, p.query, "plan[].query");
+    const auto neighbour = neighbours[static_cast<std::size_t>(p.neighbour)];
+    if (traits::alive(map, neighbour)) check(neighbour, p.candidate, "plan[].candidate");
+  }
+  created.reserve(created.size() + accepted);
+  const auto is_free = [&](typename traits::keyframe keyframe, std::int32_t keypoint) {
+    return traits::point_at(map, keyframe, static_cast<std::size_t>(keypoint)) == typename traits::point{};
+  };
+  for (const created_point& p : plan) {
+    if (p.outcome != creation_outcome::accepted) continue;
+    const auto neighbour = neighbours[static_cast<std::size_t>(p.neighbour)];
+    if (!traits::alive(map, neighbour) || !is_free(query, p.query) || !is_free(neighbour, p.candidate)) continue;
+    const auto point = traits::add_point(map, p.position, query);
+    observe(map, point, query, static_cast<std::size_t>(p.query));
+    observe(map, point, neighbour, static_cast<std::size_t>(p.candidate));
+    created.push_back(point);
+  }
+}
+
+TURBOMAP_END_NAMESPACE

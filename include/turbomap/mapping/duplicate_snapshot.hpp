@@ -1,0 +1,130 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// From a user's map to the arrays of a duplicate search: points with what a search reads of them, and who sees them already.
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "../config.hpp"
+#include "../fusion/duplicate_options.hpp"
+#include "../map/map_traits.hpp"
+#include "../map/numbering.hpp"
+#include "../map/validate.hpp"
+#include "keyframe_selection.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// The snapshot of one search. Make one and use it again: its memory is reused. The caller holds the guard while the map is
+/// read.
+template <class Map>
+class duplicate_snapshot {
+ public:
+  using traits = map_traits<Map>;
+  using keyframe = typename traits::keyframe;
+  using point = typename traits::point;
+  using descriptor = typename traits::descriptor;
+
+  void clear() {
+    seen_.clear();
+    points_.clear();
+    positions_.clear(), normals_.clear(), min_distances_.clear(), max_distances_.clear(), descriptors_.clear();
+  }
+  /// Takes in the live points of a keyframe, in the order of its keypoints, each point once. O(keypoints).
+  void add_points_of(const Map& map, keyframe k) {
+    const std::size_t count = traits::keypoint_count(map, k);
+    for (std::size_t i = 0; i < count; ++i) add_point(map, traits::point_at(map, k, i));
+  }
+  /// Takes in one point if it is alive, the first time that it is named.
+  void add_point(const Map& map, point p) {
+    if (p == point{} || !traits::alive(map, p)) return;
+    const std::size_t known = seen_.size();
+    if (seen_.place(map, p) == known) add(map, p);
+  }
+  /// Notes which targets see the points already. Throws inconsistent_map for a view by a keypoint that the target does not
+  /// have. O(views of all points).
+  void note_observed(const Map& map, const keyframe_selection<Map>& targets) {
+    observed_.clear();
+    if (targets.size() == 1) {  // the way back: no table
+      for (std::size_t p = 0; p < points_.size(); ++p)
+        traits::for_each_observation(map, points_[p], [&](keyframe k, std::size_t i) {
+          if (k == targets[0]) note(map, k, i, 0, p);
+        });
+      return;
+    }
+    for (std::size_t p = 0; p < points_.size(); ++p)
+      traits::for_each_observation(map, points_[p], [&](keyframe k, std::size_t i) {
+        const std::size_t target = targets.find(map, k);
+        if (target != id_table::none) note(map, k, i, target, p);
+      });
+  }
+  /// Makes skip() of what was noted; needs no guard. \param cameras  of each target
+  void mark_observed(const std::vector<int>& cameras) {
+    begin_.assign(1, 0);
+    for (const int c : cameras) begin_.push_back(begin_.back() + static_cast<std::size_t>(c) * points_.size());
+    skip_.assign(begin_.back(), 0);
+    for (const view& v : observed_)
+      if (v.camera < static_cast<std::size_t>(cameras[v.target]))
+        skip_[begin_[v.target] + v.camera * points_.size() + v.point] = 1;
+  }
+  /// All cameras but one of a target are left out: for a search camera by camera.
+  void leave_out_other_cameras(std::size_t target, int cameras, int camera) {
+    for (int c = 0; c < cameras; ++c)
+      if (c != camera)
+        std::fill_n(
+            skip_.begin() + static_cast<std::ptrdiff_t>(begin_[target] + static_cast<std::size_t>(c) * points_.size()),
+            points_.size(), std::uint8_t{1});
+  }
+
+  map_point_view<descriptor> points_view() const {
+    return {static_cast<int>(points_.size()),
+            positions_.data(),
+            normals_.data(),
+            min_distances_.data(),
+            max_distances_.data(),
+            descriptors_.data()};
+  }
+  const std::vector<point>& points() const { return points_; }
+  /// What find_duplicates() takes: [camera][point].
+  span<const std::uint8_t> skip(std::size_t target) const {
+    return {skip_.data() + begin_[target], begin_[target + 1] - begin_[target]};
+  }
+
+ private:
+  struct view {
+    std::size_t target, camera, point;
+  };
+
+  void note(const Map& map, keyframe k, std::size_t keypoint, std::size_t target, std::size_t p) {
+    if (keypoint >= traits::keypoint_count(map, k))
+      throw inconsistent_map(
+          {map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, points_[p]), keypoint});
+    observed_.push_back({target, traits::keypoint(map, k, keypoint).camera, p});
+  }
+  void add(const Map& map, point p) {
+    points_.push_back(p);
+    const auto& position = traits::position(map, p);
+    positions_.push_back({position.x, position.y, position.z});
+    normals_.push_back(traits::normal(map, p));
+    min_distances_.push_back(traits::min_distance(map, p));
+    max_distances_.push_back(traits::max_distance(map, p));
+    const auto* d = traits::descriptor_data(map, p);
+    descriptors_.insert(descriptors_.end(), d, d + descriptor::elements);
+  }
+
+  point_numbering<Map> seen_;
+  std::vector<point> points_;
+  std::vector<vec3<double>> positions_;
+  std::vector<vec3<float>> normals_;
+  std::vector<float> min_distances_, max_distances_;
+  std::vector<typename descriptor::element> descriptors_;
+  std::vector<view> observed_;
+  std::vector<std::size_t> begin_;
+  std::vector<std::uint8_t> skip_;
+};
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,199 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// From found duplicates to a changed map: in the order of the plan, each entry tested again on the map as it is by then.
+///
+/// What happens to an entry (point A is found at a keypoint of keyframe K):
+/// 1. A was merged since the search: the entry is about what A became. It was erased, or K was: the entry is stale.
+/// 2. The same camera of K sees the point already, by this keypoint or another: nothing (already_observed).
+/// 3. The keypoint has no live point: the point is observed there from now on (observation_added).
+/// 4. The keypoint has a live point B, held since before the search or given to it by an earlier entry: A and B are
+///    one. The one with more measurements survives, A when they are equal, and takes over all observations.
+/// 5. But some camera sees A and B apart, at two keypoints: they are not one (conflict; merge_rule::refuse), or the
+///    keypoint of the one that goes is left empty (merge_rule::drop).
+/// So when A merges into B while C claims the same keypoint, C is compared with the survivor, whichever came first in
+/// the plan. No observation is lost under merge_rule::refuse.
+
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "../config.hpp"
+#include "../error.hpp"
+#include "../fusion/duplicate_options.hpp"
+#include "../map/map_edit.hpp"
+#include "../map/map_traits.hpp"
+#include "../map/numbering.hpp"
+#include "../map/observation_counts.hpp"
+#include "../map/validate.hpp"
+#include "../span.hpp"
+
+namespace turbomap {
+
+/// What became of an entry of the plan. The first four are numbered as in recordings.
+enum class fusion_action : std::uint8_t {
+  none = 0,                ///< nothing to do
+  observation_added = 1,   ///< the keypoint was free
+  candidate_replaced = 2,  ///< the point of the keypoint had more measurements, and survives
+  keypoint_replaced = 3,   ///< the point that was searched for survives
+  stale = 5,               ///< point or keyframe are gone
+  already_observed = 6,    ///< the camera sees the point already
+  conflict = 7             ///< seen apart: not the same point
+};
+
+/// Options of a commit of duplicates.
+struct fusion_commit_options {
+  merge_rule merges = merge_rule::refuse_apart;
+  merge_tolerance tolerance;  ///< of merge_rule::refuse_apart
+};
+
+/// The counts of one or more commits.
+struct fusion_summary {
+  std::size_t entries = 0, observations_added = 0, merged = 0, stale = 0, already_observed = 0, conflicts = 0;
+
+  fusion_summary& operator+=(const fusion_summary& o) {
+    entries += o.entries, observations_added += o.observations_added, merged += o.merged;
+    stale += o.stale, already_observed += o.already_observed, conflicts += o.conflicts;
+    return *this;
+  }
+};
+
+/// What is done with a point that was found at a keypoint, by the measurements of both (measurement_count).
+/// \param of_keypoints_point  < 0: the keypoint has no live point
+inline fusion_action fusion_decision(int of_candidate, int of_keypoints_point) {
+  if (of_keypoints_point < 0) return fusion_action::observation_added;
+  return of_keypoints_point > of_candidate ? fusion_action::candidate_replaced : fusion_action::keypoint_replaced;
+}
+
+}  // namespace turbomap
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Applies plans of duplicates to a map. Make one and use it again: its memory is reused.
+template <class Map>
+class fusion_commit {
+ public:
+  using traits = map_traits<Map>;
+  using keyframe = typename traits::keyframe;
+  using point = typename traits::point;
+
+  /// The caller holds the guard of the map.
+  /// \param plan     in its order; `target` and `point` of an entry index the next two
+  /// \param targets  keyframes that were searched
+  /// \param points   points that were searched for
+  /// \throws std::invalid_argument  an index out of range; inconsistent_map when a slot or point that an entry concerns
+  ///         contradicts the map. Everything is checked, and our memory taken, before the first change: the map is then
+  ///         as it was. When a write of the traits finds no memory, the entries before are applied, and none is half done
+  /// O(entries x views^2).
+  template <class Distance>
+  fusion_summary operator()(Map& map, span<const duplicate<Distance>> plan, span<const keyframe> targets,
+                            span<const point> points, const fusion_commit_options& options = {}) {
+    static_assert(require_map_traits<Map>());
+    require(options.tolerance.chi2 >= 0, "options.tolerance.chi2", options.tolerance.chi2, "must not be negative");
+    require(options.tolerance.scale_factor >= 1, "options.tolerance.scale_factor", options.tolerance.scale_factor,
+            "must be at least 1");
+    check(map, plan, targets, points);
+    actions_.assign(plan.size(), fusion_action::none);
+    const std::size_t before = touched_.size();
+    touched_.reserve(before + 2 * plan.size());
+    fusion_summary summary;
+    for (std::size_t i = 0; i < plan.size(); ++i) {
+      const auto& entry = plan[i];
+      actions_[i] =
+          apply(map, points[static_cast<std::size_t>(entry.point)], targets[static_cast<std::size_t>(entry.target)],
+                static_cast<std::size_t>(entry.keypoint), options);
+      count(summary, actions_[i]);
+    }
+    return summary;
+  }
+
+  /// What became of each entry of the last plan.
+  const std::vector<fusion_action>& actions() const { return actions_; }
+  /// Points that gained observations since the last clear(): their descriptor, normal and range are due. Some may be dead or
+  /// named twice.
+  const std::vector<point>& touched() const { return touched_; }
+  /// The survivors of merges among them.
+  const std::vector<point>& survivors() const { return survivors_; }
+  void clear() { touched_.clear(), survivors_.clear(); }
+
+ private:
+  template <class Distance>
+  void check(const Map& map, span<const duplicate<Distance>> plan, span<const keyframe> targets,
+             span<const point> points) {
+    std::size_t views = 0;
+    checked_.clear();
+    for (std::size_t i = 0; i < plan.size(); ++i) {
+      const auto& entry = plan[i];
+      require(entry.target >= 0 && static_cast<std::size_t>(entry.target) < targets.size(), "plan[].target",
+              entry.target, "is not the number of a target");
+      require(entry.point >= 0 && static_cast<std::size_t>(entry.point) < points.size(), "plan[].point", entry.point,
+              "is not the number of a point");
+      const keyframe k = targets[static_cast<std::size_t>(entry.target)];
+      if (!traits::alive(map, k)) continue;
+      require(entry.keypoint >= 0 && static_cast<std::size_t>(entry.keypoint) < traits::keypoint_count(map, k),
+              "plan[].keypoint", entry.keypoint, "is not a keypoint of the target");
+      require_consistent_slot(map, k, static_cast<std::size_t>(entry.keypoint));
+      const point holder = traits::point_at(map, k, static_cast<std::size_t>(entry.keypoint));
+      if (!(holder == point{})) views += check_once(map, holder);
+      const point candidate = resolve(map, points[static_cast<std::size_t>(entry.point)]);
+      if (candidate == point{}) continue;
+      views += check_once(map, candidate);
+      if constexpr (counts_octaves_v<Map>)
+        if (traits::keypoint(map, k, static_cast<std::size_t>(entry.keypoint)).octave >=
+            traits::octave_counts(map, candidate).size())
+          throw inconsistent_map({map_fault::octave_out_of_range, traits::id(map, k), traits::id(map, candidate),
+                                  static_cast<std::size_t>(entry.keypoint)});
+    }
+    scratch_.reserve(views + plan.size());  // each entry may add a view
+    survivors_.reserve(survivors_.size() + plan.size());
+  }
+  /// Its number of views; 0 when it has been checked.
+  std::size_t check_once(const Map& map, point p) {
+    const std::size_t known = checked_.size();
+    if (checked_.place(map, p) != known) return 0;
+    require_consistent(map, p);
+    std::size_t views = 0;
+    traits::for_each_observation(map, p, [&](keyframe, std::size_t) { ++views; });
+    return views;
+  }
+
+  fusion_action apply(Map& map, point candidate, keyframe target, std::size_t keypoint,
+                      const fusion_commit_options& options) {
+    candidate = resolve(map, candidate);
+    if (candidate == point{} || !traits::alive(map, target)) return fusion_action::stale;
+    const int camera = traits::keypoint(map, target, keypoint).camera;
+    if (observed_at(map, candidate, target, camera) >= 0) return fusion_action::already_observed;
+    const point holder = traits::point_at(map, target, keypoint);
+    if (holder == point{}) {
+      observe(map, candidate, target, keypoint);
+      touched_.push_back(candidate);
+      return fusion_action::observation_added;
+    }
+    const fusion_action action = fusion_decision(measurement_count(map, candidate), measurement_count(map, holder));
+    const point from = action == fusion_action::candidate_replaced ? candidate : holder;
+    const point into = action == fusion_action::candidate_replaced ? holder : candidate;
+    if (!merge_points(map, from, into, options.merges, scratch_, options.tolerance)) return fusion_action::conflict;
+    touched_.push_back(into);
+    survivors_.push_back(into);
+    return action;
+  }
+
+  static void count(fusion_summary& s, fusion_action action) {
+    ++s.entries;
+    s.observations_added += action == fusion_action::observation_added ? 1 : 0;
+    s.merged += action == fusion_action::candidate_replaced || action == fusion_action::keypoint_replaced ? 1 : 0;
+    s.stale += action == fusion_action::stale ? 1 : 0;
+    s.already_observed += action == fusion_action::already_observed ? 1 : 0;
+    s.conflicts += action == fusion_action::conflict ? 1 : 0;
+  }
+
+  point_numbering<Map> checked_;
+  std::vector<fusion_action> actions_;
+  std::vector<point> touched_, survivors_;
+  std::vector<std::pair<keyframe, std::size_t>> scratch_;
+};
+
+TURBOMAP_END_NAMESPACE

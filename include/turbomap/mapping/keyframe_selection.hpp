@@ -1,0 +1,64 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// A set of keyframes of the map for one call, each once: their handles, to pin them, and their poses.
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "../config.hpp"
+#include "../map/map_traits.hpp"
+#include "../map/numbering.hpp"
+#include "../store/posed_keyframe.hpp"
+#include "handle_table.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Collects keyframes in the order in which they are first named. Make one and use it again: its memory is reused.
+template <class Map>
+class keyframe_selection {
+ public:
+  using traits = map_traits<Map>;
+  using keyframe = typename traits::keyframe;
+
+  void clear() {
+    numbers_.clear();
+    keyframes_.clear(), ids_.clear();
+    T_cw_.clear(), handles_.clear();
+  }
+  /// The number of a keyframe in this selection; it is taken in if it is new. id_table::none when it is not in the store:
+  /// whoever inserts it later did not want it searched yet. The caller holds the guard. Throws std::bad_alloc.
+  std::size_t place(const Map& map, keyframe k, const handle_table& stored) {
+    const std::uint64_t id = traits::id(map, k);
+    const std::size_t known = numbers_.find(map, k);
+    if (known != id_table::none) return known;
+    keyframe_handle handle;
+    if (!stored.find(id, handle)) return id_table::none;
+    const auto T_cw = pose_of(map, k);
+    keyframes_.push_back(k), ids_.push_back(id);
+    T_cw_.push_back(T_cw);
+    handles_.push_back(handle);
+    return numbers_.place(map, k);
+  }
+  /// Its number, or id_table::none.
+  std::size_t find(const Map& map, keyframe k) const { return numbers_.find(map, k); }
+
+  std::size_t size() const { return keyframes_.size(); }
+  keyframe operator[](std::size_t i) const { return keyframes_[i]; }
+  const std::vector<keyframe>& keyframes() const { return keyframes_; }
+  const std::vector<std::uint64_t>& ids() const { return ids_; }
+  const std::vector<rigid_transform<double>>& T_cw() const { return T_cw_; }
+  const std::vector<keyframe_handle>& handles() const { return handles_; }
+
+ private:
+  keyframe_numbering<Map> numbers_;
+  std::vector<keyframe> keyframes_;
+  std::vector<std::uint64_t> ids_;
+  std::vector<rigid_transform<double>> T_cw_;
+  std::vector<keyframe_handle> handles_;
+};
+
+TURBOMAP_END_NAMESPACE

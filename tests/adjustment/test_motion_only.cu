@@ -1,0 +1,80 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// Poses from fixed points on a device: what the host computes within rounding, and the same bits each time.
+
+#include <thrust/execution_policy.h>
+#include <thrust/system/cuda/execution_policy.h>
+
+#include "adjustment_results.hpp"
+#include "motion_only_cases.hpp"
+#include "support/stream.cuh"
+
+namespace {
+
+using namespace turbomap_test;
+using turbomap::posed_frame;
+using sequential = std::decay_t<decltype(thrust::seq)>;
+
+void check_same(const posed& device, const posed& host, const posed& again) {
+  CHECK(device.outlier == host.outlier);
+  CHECK(device.outlier == again.outlier);
+  static_assert(sizeof(posed_frame) == 8 * sizeof(double) + 2 * sizeof(std::int32_t));  // no padding
+  CHECK(same_bits(device.frames, again.frames));
+  REQUIRE(device.frames.size() == host.frames.size());
+  for (std::size_t f = 0; f < host.frames.size(); ++f) {
+    CAPTURE(f);
+    const posed_frame &a = device.frames[f], &b = host.frames[f];
+    CHECK(a.adjusted == b.adjusted);
+    CHECK(a.inliers == b.inliers);
+    CHECK(std::abs(a.cost - b.cost) <= 1e-9 * b.cost);
+    CHECK(pose_error(a.T_cw, b.T_cw) <= 1e-9);
+  }
+}
+
+TEST_CASE("poses are found among outliers, and outliers told") {
+  const stream on;
+  check_poses_found(on.policy());
+}
+
+TEST_CASE("as on the host, every kind of observation and round") {
+  const stream on;
+  for (const auto kind : {scene_kind::mono, scene_kind::stereo, scene_kind::fisheye_rig})
+    for (const int robust_rounds : {0, 2, 4}) {
+      CAPTURE(static_cast<int>(kind));
+      CAPTURE(robust_rounds);
+      const frames_input in(make_adjustment_scene(kind, 40, 0, 100, 4));
+      motion_only_options options;
+      options.robust_rounds = robust_rounds;
+      check_same(adjust_poses(on.policy(), in, options), adjust_poses(sequential{}, in, options),
+                 adjust_poses(on.policy(), in, options));
+    }
+}
+
+TEST_CASE("frames that cannot be adjusted stay to the bit; the others do not mind") {
+  const stream on;
+  check_poses_refused(on.policy());
+  const frames_input in = frames_to_refuse();
+  check_same(adjust_poses(on.policy(), in), adjust_poses(sequential{}, in), adjust_poses(on.policy(), in));
+}
+
+TEST_CASE("bad input is refused") {
+  const stream on;
+  check_bad_frames(on.policy());
+}
+
+TEST_CASE("one object, one context: frames after frames, more and fewer") {
+  const stream on;
+  turbomap::context<stream_policy> ctx{on.policy()};
+  turbomap::motion_only<scene_camera, stream_policy> adjust(ctx);
+  for (const int frames : {3, 30, 0, 5}) {
+    CAPTURE(frames);
+    const frames_input in(make_adjustment_scene(scene_kind::stereo, frames, 0, 60, 9));
+    posed p;
+    adjust(ctx, in.view(), {}, p.frames, p.outlier);
+    check_same(p, adjust_poses(sequential{}, in), adjust_poses(on.policy(), in));
+  }
+}
+
+}  // namespace

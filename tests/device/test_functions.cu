@@ -1,7 +1,0 @@
-// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
-// SPDX-License-Identifier: Apache-2.0
-
-/// \file
-/// The tests of math/functions.hpp under nvcc: device against host as well.
-
-#include "../test_functions.cpp"

@@ -1,0 +1,77 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+// Trajectories: the TUM format to the nanosecond, and the error after one rigid alignment.
+
+#include <turbomap/io/trajectory.hpp>
+#include <turbomap/io/trajectory_error.hpp>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "support/files.hpp"
+
+using turbomap_test::bad_file_message;
+using turbomap_test::has;
+
+TEST_CASE("a trajectory is read back as written, to the nanosecond") {
+  const turbomap_test::temporary_directory folder;
+  std::vector<turbomap::stamped_pose> poses;
+  for (int i = 0; i < 5; ++i)
+    poses.push_back({1403715527912143104 + i * 7, {0, std::sin(0.1 * i), 0, std::cos(0.1 * i), 0.1 * i, -2.0 * i, 3}});
+  poses.insert(poses.begin(), {-500000001, {}});
+  turbomap::write_trajectory(folder / "t.txt", poses);
+  const auto read = turbomap::read_trajectory(folder / "t.txt");
+  REQUIRE(read.size() == poses.size());
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    CHECK(read[i].t_ns == poses[i].t_ns);
+    CHECK(read[i].T_wb.ty == doctest::Approx(poses[i].T_wb.ty).epsilon(1e-9));
+    CHECK(read[i].T_wb.qy == doctest::Approx(poses[i].T_wb.qy).epsilon(1e-8));
+  }
+}
+
+TEST_CASE("malformed trajectories are refused by line and reason") {
+  const turbomap_test::temporary_directory folder;
+  const auto error = [&](const std::string& text) {
+    turbomap_test::write_bytes(folder / "t.txt", text);
+    return bad_file_message([&] { turbomap::read_trajectory(folder / "t.txt"); });
+  };
+  const std::string good = "# a comment\n\n1.5 0 0 0 0 0 0 1\r\n";
+  CHECK(error(good) == "nothing thrown");
+  CHECK(error(good + "2 0 0 0 0 0 0 1") == "nothing thrown");
+  CHECK(has(error(good + "2 0 0 0 0 0 1\n"), "line 4: has 7 numbers"));
+  CHECK(has(error(good + "2 0 0 0 0 0 0 1 9\n"), "line 4: has more than eight"));
+  CHECK(has(error(good + "2 0 0 nan 0 0 0 1\n"), "line 4: 'nan' is not a number"));
+  CHECK(has(error(good + "2x 0 0 0 0 0 0 1\n"), "line 4: '2x' is not"));
+  CHECK(has(error(good + "2 0 0 0 0 0 0 0\n"), "line 4: does not end with a unit"));
+  CHECK(has(error(good + "1.5 0 0 0 0 0 0 1\n"), "line 4: is not later"));
+  CHECK(has(error("# nothing\n"), "there is no pose"));
+  CHECK(has(bad_file_message([&] { turbomap::read_trajectory(folder / "gone.txt"); }), "cannot be opened"));
+}
+
+TEST_CASE("the trajectory error is what one rigid alignment leaves") {
+  std::vector<turbomap::vec3<double>> truth, moved;
+  const double c = std::cos(0.7), s = std::sin(0.7);
+  for (int i = 0; i < 50; ++i) {
+    const turbomap::vec3<double> p{std::cos(0.2 * i), 0.1 * i, std::sin(0.13 * i)};
+    truth.push_back(p);
+    moved.push_back({c * p.x - s * p.y + 5, s * p.x + c * p.y - 3, p.z + 1});
+  }
+  CHECK(turbomap::absolute_trajectory_error(moved, truth) < 1e-12);
+  for (auto& p : moved) p = {1.1 * p.x, 1.1 * p.y, 1.1 * p.z};  // scale is not taken out
+  double spread = 0;
+  turbomap::vec3<double> mean{0, 0, 0};
+  for (const auto& p : truth) mean = {mean.x + p.x / 50, mean.y + p.y / 50, mean.z + p.z / 50};
+  for (const auto& p : truth)
+    spread += std::pow(p.x - mean.x, 2) + std::pow(p.y - mean.y, 2) + std::pow(p.z - mean.z, 2);
+  CHECK(turbomap::absolute_trajectory_error(moved, truth) == doctest::Approx(0.1 * std::sqrt(spread / 50)));
+  std::vector<turbomap::vec3<double>> mirrored = truth;
+  for (auto& p : mirrored) p.x = -p.x;  // a mirror image is no rigid motion
+  CHECK(turbomap::absolute_trajectory_error(mirrored, truth) > 0.1);
+  CHECK(std::isnan(turbomap::absolute_trajectory_error({}, {})));
+  truth.pop_back();
+  CHECK_THROWS_AS(turbomap::absolute_trajectory_error(moved, truth), std::invalid_argument);
+}

@@ -1,0 +1,70 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// Covisible keyframes: counts of shared points, order, ties, limits. Random maps are in test_map_properties.cpp.
+
+#include <doctest/doctest.h>
+
+#include <turbomap/map/covisibility.hpp>
+#include <turbomap/map/map_edit.hpp>
+
+#include <array>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "scenes/map_scene.hpp"
+#include "scenes/pointer_map.hpp"
+
+namespace {
+
+using namespace turbomap_test;
+using pairs = std::vector<std::pair<std::uint64_t, int>>;
+
+TEST_CASE_TEMPLATE("most shared first, equal ones in order of insertion, a rig's views are one", Map, flat_map,
+                   pointer_map) {
+  Map map;
+  using traits = turbomap::map_traits<Map>;
+  std::vector<typename traits::keyframe> k;
+  std::vector<typename traits::point> p;
+  const std::vector<turbomap::keypoint> rig{make_keypoint(0, 0), make_keypoint(0, 0), make_keypoint(0, 1),
+                                            make_keypoint(0, 1)};
+  for (int i = 0; i < 5; ++i) k.push_back(insert_keyframe(map, rig, i, typename traits::keyframe{}));
+  for (int i = 0; i < 3; ++i) p.push_back(traits::add_point(map, {}, k[0]));
+  // Keyframe 3 sees points 0 (twice), 1 and 2; 0 sees 0 twice; 1 sees 1 and 2; 2 sees 2; 4 nothing.
+  for (const auto& [point, keyframe, i] :
+       {std::array{0, 3, 0}, std::array{0, 3, 2}, std::array{1, 3, 1}, std::array{2, 3, 3}, std::array{0, 0, 0},
+        std::array{0, 0, 3}, std::array{1, 1, 0}, std::array{2, 1, 1}, std::array{2, 2, 0}})
+    CHECK(turbomap::observe(map, p[static_cast<std::size_t>(point)], k[static_cast<std::size_t>(keyframe)],
+                            static_cast<std::size_t>(i)));
+  turbomap::covisibility<Map> covisibility;
+  const auto of = [&](std::size_t query, int least, std::size_t limit = 0) {
+    pairs all;
+    for (const auto& c : covisibility(map, k[query], least, limit))
+      all.push_back({traits::id(map, c.keyframe), c.shared_points});
+    return all;
+  };
+  CHECK(of(3, 1) == pairs{{1, 2}, {0, 1}, {2, 1}});
+  CHECK(of(3, 0) == pairs{{1, 2}, {0, 1}, {2, 1}});
+  CHECK(of(3, 2) == pairs{{1, 2}});
+  CHECK(of(3, 3) == pairs{{1, 2}});  // nobody shares so many: the best one is left
+  CHECK(of(3, 1, 2) == pairs{{1, 2}, {0, 1}});
+  CHECK(of(3, 1, 9) == pairs{{1, 2}, {0, 1}, {2, 1}});
+  CHECK(of(0, 1) == pairs{{3, 1}});
+  CHECK(of(2, 1) == pairs{{1, 1}, {3, 1}});
+  CHECK(of(2, 15) == pairs{{1, 1}});
+  CHECK(of(4, 1).empty());
+  turbomap::erase_keyframe(map, k[1], 0);
+  CHECK(of(3, 1) == pairs{{0, 1}, {2, 1}});
+  CHECK(of(3, 1) == pairs{{0, 1}, {2, 1}});  // nothing is left of earlier calls
+}
+
+TEST_CASE("a keyframe without keypoints has no neighbours") {
+  flat_map map;
+  const auto k = map.add_keyframe({}, {});
+  turbomap::covisibility<flat_map> covisibility;
+  CHECK(covisibility(map, k, 1).empty());
+}
+
+}  // namespace

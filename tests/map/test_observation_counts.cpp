@@ -1,0 +1,95 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// Counts of observations by octave: a keyframe counts once, at its finest octave, on any rig.
+
+#include <doctest/doctest.h>
+
+#include <turbomap/map/map_edit.hpp>
+#include <turbomap/map/observation_counts.hpp>
+
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "scenes/lying_map.hpp"
+#include "scenes/map_scene.hpp"
+#include "scenes/pointer_map.hpp"
+
+namespace {
+
+using namespace turbomap_test;
+using counts = std::vector<std::uint32_t>;
+
+template <class Map>
+counts recounted(const Map& map, typename turbomap::map_traits<Map>::point p, std::size_t octaves) {
+  counts c{9, 9};
+  turbomap::recount(map, p, c, octaves);
+  return c;
+}
+
+counts kept(const flat_map& map, turbomap::map_point_id p) {
+  const auto c = turbomap::map_traits<flat_map>::octave_counts(map, p);
+  return {c.begin(), c.end()};
+}
+
+TEST_CASE_TEMPLATE("a rig counts once, at its finest octave", Map, flat_map, pointer_map) {
+  Map map;
+  using traits = turbomap::map_traits<Map>;
+  using keyframe = typename traits::keyframe;
+  // Four cameras with octaves 3, 1, 1, 5.
+  const std::vector<turbomap::keypoint> rig{make_keypoint(3, 0), make_keypoint(1, 1), make_keypoint(1, 2),
+                                            make_keypoint(5, 3)};
+  const auto k = insert_keyframe(map, rig, 0, keyframe{}), l = insert_keyframe(map, rig, 0, keyframe{});
+  const auto p = traits::add_point(map, {}, k);
+  CHECK(recounted(map, p, 0) == counts{});
+  CHECK(recounted(map, p, 3) == counts{0, 0, 0});
+  CHECK(turbomap::finest_octave(map, p, k) == -1);
+  CHECK(turbomap::observed_at(map, p, k, 0) == -1);
+  CHECK(turbomap::observe(map, p, k, 3));
+  CHECK(recounted(map, p, 0) == counts{0, 0, 0, 0, 0, 1});
+  CHECK(turbomap::observe(map, p, k, 0));
+  CHECK(recounted(map, p, 6) == counts{0, 0, 0, 1, 0, 0});
+  CHECK(turbomap::observe(map, p, k, 2));
+  CHECK(turbomap::observe(map, p, k, 1));
+  CHECK(turbomap::observe(map, p, l, 0));
+  CHECK(recounted(map, p, 6) == counts{0, 1, 0, 1, 0, 0});
+  CHECK(turbomap::finest_octave(map, p, k) == 1);
+  CHECK(turbomap::finest_octave(map, p, k, 1) == 1);  // without one of the two
+  CHECK(turbomap::finest_octave(map, p, l, 0) == -1);
+  CHECK(turbomap::observed_at(map, p, k, 2) == 2);
+  CHECK(turbomap::observed_at(map, p, l, 2) == -1);
+  turbomap::forget(map, k, 1);
+  CHECK(recounted(map, p, 6) == counts{0, 1, 0, 1, 0, 0});
+  turbomap::forget(map, k, 2);
+  CHECK(recounted(map, p, 6) == counts{0, 0, 0, 2, 0, 0});
+  turbomap::forget(map, k, 0);
+  CHECK(recounted(map, p, 6) == counts{0, 0, 0, 1, 0, 1});
+  if constexpr (turbomap::counts_octaves_v<Map>) CHECK(kept(map, p) == recounted(map, p, 8));
+
+  counts scratch;
+  CHECK(turbomap::observers_up_to(map, p, 2, 5, scratch) == 0);
+  CHECK(turbomap::observers_up_to(map, p, 3, 5, scratch) == 1);
+  CHECK(turbomap::observers_up_to(map, p, 5, 5, scratch) == 2);
+  CHECK(turbomap::observers_up_to(map, p, 300, 5, scratch) == 2);
+  CHECK(turbomap::observers_up_to(map, p, 300, 1, scratch) == 1);  // counting ends there
+  CHECK(turbomap::observers_up_to(map, p, 300, 0, scratch) == 0);
+}
+
+TEST_CASE("a stereo keypoint is two measurements, NaN is no stereo") {
+  flat_map map;
+  const std::vector<turbomap::keypoint> rig{make_keypoint(0, 0, 0.F), make_keypoint(0, 1, -1.F),
+                                            make_keypoint(0, 2, std::numeric_limits<float>::quiet_NaN())};
+  const auto k = map.add_keyframe(rig, {});
+  const auto p = map.add_point({});
+  CHECK(turbomap::measurement_count(map, p) == 0);
+  turbomap::observe(map, p, k, 0);
+  CHECK(turbomap::measurement_count(map, p) == 2);
+  turbomap::observe(map, p, k, 1);
+  CHECK(turbomap::measurement_count(map, p) == 3);
+  turbomap::observe(map, p, k, 2);
+  CHECK(turbomap::measurement_count(map, p) == 4);
+}
+
+}  // namespace

@@ -1,0 +1,160 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// Accepted points of a plan become points of a map: who gets a keypoint, what is refused.
+
+#include <doctest/doctest.h>
+
+#include <turbomap/map/validate.hpp>
+#include <turbomap/mapping/creation_commit.hpp>
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <random>
+#include <set>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "scenes/lying_map.hpp"
+#include "scenes/map_scene.hpp"
+#include "scenes/pointer_map.hpp"
+
+namespace {
+
+using namespace turbomap_test;
+using turbomap::creation_outcome;
+
+/// A query, its neighbours, and plans by (neighbour, query keypoint, candidate).
+template <class Map>
+struct creation {
+  using traits = turbomap::map_traits<Map>;
+  using keyframe = typename traits::keyframe;
+  using point = typename traits::point;
+  Map map;
+  keyframe query{};
+  std::vector<keyframe> neighbours;
+  std::vector<point> created;
+
+  explicit creation(std::size_t count = 2, std::size_t keypoints = 4) {
+    const std::vector<turbomap::keypoint> all(keypoints, make_keypoint(1));
+    query = insert_keyframe(map, all, 0, keyframe{});
+    for (std::size_t i = 0; i < count; ++i) neighbours.push_back(insert_keyframe(map, all, 0, keyframe{}));
+  }
+  static turbomap::created_point entry(std::int32_t neighbour, std::int32_t q, std::int32_t c,
+                                       creation_outcome outcome = creation_outcome::accepted) {
+    return {neighbour, q, c, outcome, turbomap::creation_method::triangulated, {1.0 + neighbour, 2.0 + q, 3.0 + c}};
+  }
+  void run(const std::vector<turbomap::created_point>& plan) {
+    turbomap::commit_points(map, turbomap::span<const turbomap::created_point>(plan), query,
+                            turbomap::span<const keyframe>(neighbours), created);
+  }
+  point at(keyframe k, std::size_t i) const { return traits::point_at(map, k, i); }
+};
+
+TEST_CASE_TEMPLATE("an accepted point is seen by both, and is of the query", Map, flat_map, pointer_map) {
+  creation<Map> c;
+  using traits = turbomap::map_traits<Map>;
+  c.run({c.entry(0, 1, 2), c.entry(1, 0, 3, creation_outcome::low_parallax)});
+  REQUIRE(c.created.size() == 1);
+  CHECK(c.at(c.query, 1) == c.created[0]);
+  CHECK(c.at(c.neighbours[0], 2) == c.created[0]);
+  CHECK(c.at(c.query, 0) == typename traits::point{});
+  CHECK(traits::reference(c.map, c.created[0]) == c.query);
+  CHECK(traits::position(c.map, c.created[0]).y == 3);
+  c.run({c.entry(1, 0, 3)});
+  CHECK(c.created.size() == 2);  // appended
+  c.run({});
+  CHECK(c.created.size() == 2);
+}
+
+TEST_CASE_TEMPLATE("a keypoint gets one point: of the first entry, or the one that it had", Map, flat_map,
+                   pointer_map) {
+  creation<Map> c;
+  using traits = turbomap::map_traits<Map>;
+  const auto mine = traits::add_point(c.map, {}, c.query);
+  CHECK(turbomap::observe(c.map, mine, c.neighbours[1], 3));
+  // The same query keypoint twice; the same candidate twice; a candidate that was taken since the search.
+  c.run({c.entry(0, 0, 0), c.entry(1, 0, 1), c.entry(0, 1, 0), c.entry(1, 2, 3), c.entry(1, 3, 1)});
+  CHECK(c.created.size() == 2);
+  CHECK(c.at(c.query, 0) == c.created[0]);
+  CHECK(c.at(c.neighbours[0], 0) == c.created[0]);
+  CHECK(c.at(c.query, 1) == typename traits::point{});
+  CHECK(c.at(c.query, 2) == typename traits::point{});
+  CHECK(c.at(c.neighbours[1], 3) == mine);
+  CHECK(c.at(c.query, 3) == c.created[1]);
+  CHECK(c.at(c.neighbours[1], 1) == c.created[1]);
+}
+
+TEST_CASE_TEMPLATE("keyframes that are gone since the search get nothing", Map, flat_map, pointer_map) {
+  creation<Map> c;
+  turbomap::erase_keyframe(c.map, c.neighbours[0]);
+  c.run({c.entry(0, 0, 0), c.entry(0, 1, 1000), c.entry(1, 1, 1)});
+  CHECK(c.created.size() == 1);
+  CHECK(c.at(c.query, 1) == c.created[0]);
+  turbomap::erase_keyframe(c.map, c.query);
+  c.run({c.entry(1, 2, 2)});
+  CHECK(c.created.size() == 1);
+}
+
+TEST_CASE("bad plans are refused with the map as it was") {
+  creation<flat_map> c;
+  const auto before = everything(c.map);
+  constexpr std::int32_t most = std::numeric_limits<std::int32_t>::max();
+  for (const std::array<std::int32_t, 3> bad :
+       {std::array{-1, 0, 0}, std::array{2, 0, 0}, std::array{most, 0, 0}, std::array{0, -1, 0}, std::array{0, 4, 0},
+        std::array{0, 0, -1}, std::array{0, 0, 4}, std::array{1, 1, most}})
+    CHECK_THROWS_AS(c.run({c.entry(0, 2, 2), c.entry(bad[0], bad[1], bad[2])}), std::invalid_argument);
+  CHECK_THROWS_AS(c.run({c.entry(0, 2, 2), c.entry(2, 0, 0, creation_outcome::scale)}), std::invalid_argument);
+  CHECK(everything(c.map) == before);
+  CHECK(c.created.empty());
+  try {
+    c.run({c.entry(0, 0, 4)});
+  } catch (const std::invalid_argument& e) {
+    CHECK(std::string(e.what()) == "turbomap: plan[].candidate = 4: is not a keypoint of the keyframe");
+  }
+}
+
+TEST_CASE("slots that contradict the map are refused before the first point is made") {
+  creation<lying_map> c;
+  const auto stranger = c.map.add_point({}, c.query);
+  const auto before = everything(c.map);
+  for (const auto k : {c.query, c.neighbours[1]}) {
+    c.map.slots[{k.index, 2}] = stranger;
+    c.map.writes = 0;
+    CHECK_THROWS_AS(c.run({c.entry(0, 0, 0), c.entry(1, 2, 2)}), turbomap::inconsistent_map);
+    CHECK(c.map.writes == 0);
+    c.map.tell_the_truth();
+  }
+  CHECK(everything(c.map) == before);
+  c.run({c.entry(0, 0, 0), c.entry(1, 2, 2)});
+  CHECK(c.created.size() == 2);
+}
+
+TEST_CASE_TEMPLATE("random plans: what first_claims() says", Map, flat_map, pointer_map) {
+  for (std::uint32_t seed = 1; seed <= 5; ++seed) {
+    std::mt19937 random(seed);
+    constexpr int keypoints = 40, neighbours = 5;
+    creation<Map> c(neighbours, keypoints);
+    std::vector<turbomap::created_point> plan;
+    for (int n = 0; n < neighbours; ++n)
+      for (int q = 0; q < keypoints; ++q)
+        if (random() % 2 == 0)
+          plan.push_back(c.entry(n, q, static_cast<int>(random() % keypoints),
+                                 random() % 4 == 0 ? creation_outcome::scale : creation_outcome::accepted));
+    const auto expected = turbomap::first_claims(plan, keypoints, std::vector<int>(neighbours, keypoints));
+    c.run(plan);
+    REQUIRE(c.created.size() == expected.size());
+    for (std::size_t i = 0; i < expected.size(); ++i) {
+      const auto& e = expected[i];
+      CHECK(c.at(c.query, static_cast<std::size_t>(e.query)) == c.created[i]);
+      CHECK(c.at(c.neighbours[static_cast<std::size_t>(e.neighbour)], static_cast<std::size_t>(e.candidate)) ==
+            c.created[i]);
+      CHECK(turbomap::map_traits<Map>::position(c.map, c.created[i]).z == 3.0 + e.candidate);
+    }
+  }
+}
+
+}  // namespace

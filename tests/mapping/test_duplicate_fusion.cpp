@@ -1,0 +1,171 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// Duplicate fusion end to end under every host policy: equal to the sequential oracle in both modes; empty, dead and unknown
+/// keyframes; maps that contradict themselves.
+
+#include <thrust/execution_policy.h>
+#include <thrust/system/omp/execution_policy.h>
+#include <thrust/system/tbb/execution_policy.h>
+
+#include <stdexcept>
+#include <type_traits>
+#include <vector>
+
+#include "duplicate_fusion_cases.hpp"
+#include "scenes/lying_map.hpp"
+#include "scenes/watched_map.hpp"
+
+namespace {
+
+using namespace turbomap_test;
+using seq = std::decay_t<decltype(thrust::seq)>;
+using omp = std::decay_t<decltype(thrust::omp::par)>;
+using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
+
+TEST_CASE_TEMPLATE("a stereo pair: both modes, all merge rules", Policy, seq, omp, tbb_policy) {
+  check_fusions(Policy{}, pinhole_rig(50), 1);
+}
+TEST_CASE_TEMPLATE("a fisheye rig of two cameras", Policy, seq, omp, tbb_policy) {
+  const auto tally = check_fusions(Policy{}, fisheye_rig(2), 100, 1);
+  CHECK(tally.conflicts > 0);
+}
+
+/// A run, and what a fusion of its last keyframe takes.
+template <class Map>
+struct prepared {
+  mapping_scene<pinhole_camera> scene{pinhole_rig(50), mapping_recipe{}};
+  mapping_run<Map, seq> run{scene, unfused({})};
+  turbomap::duplicate_fusion<Map, seq> fusion{run.ctx};
+  turbomap::neighbourhood<Map> around;
+  std::vector<turbomap::map_keyframe_id> targets;
+  turbomap::fusion_options options;
+  turbomap::guard_times held;
+
+  explicit prepared(int keyframes = 5) {
+    run.steps(keyframes);
+    targets = around.targets(run.map, run.keyframes().back(), {});
+  }
+  turbomap::fusion_summary forward() {
+    return fusion.forward(run.ctx, run.map, run.store, run.mapper.stored(), run.keyframes().back(), targets, options,
+                          held);
+  }
+  turbomap::fusion_summary backward() {
+    return fusion.backward(run.ctx, run.map, run.store, run.mapper.stored(), run.keyframes().back(), targets, options,
+                           held);
+  }
+};
+
+TEST_CASE("no targets, dead ones, and such as nobody inserted: nothing happens to them") {
+  for (const auto mode : {turbomap::fusion_mode::snapshot, turbomap::fusion_mode::serial_exact}) {
+    prepared<flat_map> p;
+    p.options.mode = mode;
+    const auto all = p.targets;
+    p.targets.clear();
+    const auto before = content(p.run.map);
+    CHECK(p.forward().entries == 0);
+    CHECK(p.backward().entries == 0);
+    CHECK(content(p.run.map) == before);
+    const auto unknown = p.run.add();
+    CHECK(p.run.map.alive(unknown));
+    turbomap::erase_keyframe(p.run.map, all[0]);
+    const auto dead_only = content(p.run.map);
+    p.targets = {all[0]};
+    CHECK(p.forward().entries == 0);
+    CHECK(p.backward().entries == 0);
+    CHECK(content(p.run.map) == dead_only);
+    p.targets = {all[0], all[1], unknown};
+    const auto query = p.run.keyframes()[p.run.keyframes().size() - 2];
+    const auto done =
+        p.fusion.forward(p.run.ctx, p.run.map, p.run.store, p.run.mapper.stored(), query, p.targets, p.options, p.held);
+    CHECK(done.merged + done.observations_added > 0);
+    CHECK(turbomap::validate(p.run.map).empty());
+    for (std::size_t i = 0; i < p.run.map.keypoints(unknown).size(); ++i)
+      CHECK(p.run.map.point_at(unknown, i) == turbomap::map_point_id{});
+  }
+}
+
+TEST_CASE("what was fused once is not fused again") {
+  prepared<flat_map> p;
+  p.fusion.begin();
+  CHECK(p.forward().merged > 0);
+  p.backward();
+  CHECK_FALSE(p.fusion.touched().empty());
+  p.fusion.begin();
+  CHECK(p.fusion.touched().empty());
+  const auto again = p.forward();
+  CHECK(again.merged == 0);
+}
+
+TEST_CASE("what died between search and commit is stale") {
+  prepared<watched_map<mapped_descriptor>> p;
+  auto& map = p.run.map;
+  const auto query = p.run.keyframes().back();
+  int times = 0;
+  map.watch.before = [&] {
+    if (++times != 2) return;
+    turbomap::erase_keyframe(map, p.targets[0]);
+    for (std::size_t i = 0; i < map.keypoints(query).size(); i += 2)
+      if (const auto q = map.point_at(query, i); q != turbomap::map_point_id{}) turbomap::erase_point(map, q);
+  };
+  const auto done = p.forward();
+  CHECK(times == 2);
+  CHECK(done.stale > 10);
+  CHECK(done.merged > 0);
+  CHECK(turbomap::validate(map).empty());
+}
+
+TEST_CASE("bad options are refused with the map as it was") {
+  for (const auto mode : {turbomap::fusion_mode::snapshot, turbomap::fusion_mode::serial_exact}) {
+    prepared<flat_map> p;
+    p.options.mode = mode;
+    const auto before = content(p.run.map);
+    p.options.search.radius = -1;
+    CHECK_THROWS_AS(p.forward(), std::invalid_argument);
+    p.options.search = {};
+    p.options.commit.tolerance.chi2 = -1;
+    CHECK_THROWS_AS(p.forward(), std::invalid_argument);
+    CHECK(content(p.run.map) == before);
+    p.options.commit = {};
+    CHECK(p.forward().merged > 0);
+  }
+}
+
+TEST_CASE("a map that contradicts itself is refused and stays as it was") {
+  prepared<lying_map> p;
+  auto& map = p.run.map;
+  const auto query = p.run.keyframes().back();
+  int refused = 0;
+  const auto try_lie = [&] {
+    map.writes = 0;
+    try {
+      p.forward();
+      FAIL_CHECK("not refused");
+    } catch (const turbomap::inconsistent_map&) {
+      ++refused;
+    }
+    CHECK(map.writes == 0);
+    map.tell_the_truth();
+  };
+  const auto before = content(map);
+  for (const auto target : p.targets)
+    for (std::size_t i = 0; i < map.keypoints(target).size(); ++i)  // slots of points that do not list them
+      if (map.point_at(target, i) != turbomap::map_point_id{})
+        map.hidden[{map.point_at(target, i).index, {target.index, i}}];
+  try_lie();
+  for (std::size_t i = 0; i < map.keypoints(query).size(); ++i)  // an index beyond all keypoints
+    if (const auto q = map.point_at(query, i); q != turbomap::map_point_id{})
+      map.invented.insert({q.index, {p.targets[0], 1000000}});
+  try_lie();
+  for (std::size_t i = 0; i < map.keypoints(query).size(); ++i)  // an observation without its slot
+    if (const auto q = map.point_at(query, i); q != turbomap::map_point_id{})
+      map.invented.insert({q.index, {p.run.keyframes()[0], i % map.keypoints(p.run.keyframes()[0]).size()}});
+  try_lie();
+  CHECK(refused == 3);
+  CHECK(content(map) == before);
+  CHECK(turbomap::validate(map).empty());
+  CHECK(p.forward().merged > 0);
+}
+
+}  // namespace

@@ -1,0 +1,575 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+// Adjustment around a keyframe on maps of several types: window and result against their definitions, what changes meanwhile,
+// what must leave the map alone.
+
+#include <doctest/doctest.h>
+
+#include <thrust/execution_policy.h>
+#include <thrust/system/omp/execution_policy.h>
+#include <thrust/system/tbb/execution_policy.h>
+
+#include <turbomap/map/validate.hpp>
+
+#include <algorithm>
+#include <atomic>
+#include <limits>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+
+#include "local_adjustment_cases.hpp"
+#include "reference/adjustment_oracle.hpp"
+#include "reference/local_adjustment_oracle.hpp"
+#include "scenes/pointer_map.hpp"
+#include "scenes/watched_map.hpp"
+
+namespace turbomap_test {
+
+/// Every second keyframe has a rig of its own.
+struct two_rigs_map : flat_map {};
+
+}  // namespace turbomap_test
+
+template <>
+struct turbomap::map_traits<turbomap_test::two_rigs_map> : turbomap::map_traits<turbomap_test::flat_map> {
+  static int first_camera(const turbomap_test::two_rigs_map& m, keyframe k) { return id(m, k) % 2 == 0 ? 0 : 2; }
+};
+
+namespace {
+
+using namespace turbomap_test;
+using turbomap::adjustment_end;
+using turbomap::local_adjustment_options;
+using sequential = std::decay_t<decltype(thrust::seq)>;
+using omp = std::decay_t<decltype(thrust::omp::par)>;
+using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
+using watched = watched_map<map_descriptor>;
+constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
+
+template <class Map>
+oracle_sightings sightings_of(const local_scene<Map>& s) {
+  using traits = turbomap::map_traits<Map>;
+  oracle_sightings seen;
+  for (const auto& k : s.keyframes) {
+    if (!traits::alive(s.map, k)) continue;
+    auto& points = seen[traits::id(s.map, k)];
+    for (std::size_t i = 0; i < traits::keypoint_count(s.map, k); ++i) {
+      const auto p = traits::point_at(s.map, k, i);
+      if (!(p == typename traits::point{})) points[traits::id(s.map, p)].push_back(i);
+    }
+  }
+  return seen;
+}
+
+/// The origin of a simple_map is its first keyframe; a pointer_map has none.
+template <class Map>
+std::optional<std::uint64_t> origin_of(const local_scene<Map>&) {
+  if (std::is_same_v<Map, pointer_map>) return std::nullopt;
+  return 0;
+}
+
+oracle_frame frame_of(const turbomap::rigid_transform<double>& T) {
+  return {Eigen::Quaterniond(T.qw, T.qx, T.qy, T.qz).normalized().toRotationMatrix(), {T.tx, T.ty, T.tz}, {}};
+}
+bool same_pose(const turbomap::rigid_transform<double>& a, const turbomap::rigid_transform<double>& b) {
+  return a.qx == b.qx && a.qy == b.qy && a.qz == b.qz && a.qw == b.qw && a.tx == b.tx && a.ty == b.ty && a.tz == b.tz;
+}
+bool same_place(const turbomap::vec3<double>& a, const turbomap::vec3<double>& b) {
+  return a.x == b.x && a.y == b.y && a.z == b.z;
+}
+
+/// What the adjustment of a window must come to, with formulas of its own. Ids are places in the scene.
+struct expected_result {
+  oracle_problem problem;
+  std::vector<oracle_observation> observations;
+};
+template <class Map>
+expected_result expect(const local_scene<Map>& s, const oracle_sightings& seen, const oracle_window& w,
+                       int iterations) {
+  using traits = turbomap::map_traits<Map>;
+  expected_result r;
+  auto& o = r.problem;
+  for (std::size_t f = 0; f < s.keyframes.size(); ++f) {
+    o.frames.push_back(frame_of(traits::pose(s.map, s.keyframes[f])));
+    o.frame_fixed.push_back(w.free.count(f) == 0);
+  }
+  for (std::size_t l = 0; l < s.points.size(); ++l) {
+    const auto x = traits::position(s.map, s.points[l]);
+    o.landmarks.emplace_back(x.x, x.y, x.z);
+    o.landmark_fixed.push_back(w.points.count(l) == 0);
+  }
+  for (const auto& [f, points] : seen)
+    for (const auto& [l, keypoints] : points)
+      for (const std::size_t i : keypoints) {
+        if (w.points.count(l) == 0) continue;
+        const auto z = traits::keypoint(s.map, s.keyframes[f], i);
+        const auto camera = s.rig[z.camera];
+        const oracle_frame mount = frame_of(camera.T_camera_body);
+        const bool stereo = z.u_right >= 0 && camera.bf > 0;
+        oracle_block b;
+        b.frame = static_cast<int>(f), b.landmark = static_cast<int>(l);
+        b.e = [=](const oracle_frame& at, const oracle_frame&, const Eigen::Vector3d& X) {
+          const Eigen::Vector3d p = mount.R * (at.R * X + at.t) + mount.t;
+          const double u = static_cast<double>(camera.camera.fx) * p.x() / p.z() + 320;
+          Eigen::VectorXd e(stereo ? 3 : 2);
+          e[0] = u - static_cast<double>(z.x);
+          e[1] = static_cast<double>(camera.camera.fy) * p.y() / p.z() + 240 - static_cast<double>(z.y);
+          if (stereo) e[2] = u - camera.bf / p.z() - static_cast<double>(z.u_right);
+          return Eigen::VectorXd(e / std::pow(1.2, z.octave));
+        };
+        b.kernel = [=](double chi2, double& rho, double& weight) {
+          const double delta = std::sqrt(stereo ? 7.815 : 5.991), e = std::sqrt(chi2);
+          rho = e <= delta ? chi2 : 2 * delta * e - delta * delta, weight = e <= delta ? 1 : delta / e;
+        };
+        o.blocks.push_back(b);
+        r.observations.push_back({f, l, i, z.u_right >= 0 ? 2 : 1, false});
+      }
+  oracle_adjust(o, iterations);
+  for (std::size_t i = 0; i < o.blocks.size(); ++i) {
+    const auto& b = o.blocks[i];
+    const auto e = o.residual(b);
+    const double chi2 = e.squaredNorm(), gate = e.size() == 3 ? 7.815 : 5.991;
+    REQUIRE(std::abs(chi2 - gate) > 1e-4);  // else rounding decides
+    r.observations[i].outlier = chi2 > gate;
+  }
+  return r;
+}
+
+template <class Map>
+double distance(const local_scene<Map>& s, const oracle_problem& o) {
+  using traits = turbomap::map_traits<Map>;
+  double d = 0;
+  for (std::size_t f = 0; f < s.keyframes.size(); ++f) {
+    const oracle_frame x = frame_of(traits::pose(s.map, s.keyframes[f]));
+    d = std::max({d, (x.R - o.frames[f].R).cwiseAbs().maxCoeff(), (x.t - o.frames[f].t).cwiseAbs().maxCoeff()});
+  }
+  for (std::size_t l = 0; l < s.points.size(); ++l) {
+    if (!traits::alive(s.map, s.points[l])) continue;
+    const auto p = traits::position(s.map, s.points[l]);
+    d = std::max(d, (Eigen::Vector3d(p.x, p.y, p.z) - o.landmarks[l]).cwiseAbs().maxCoeff());
+  }
+  return d;
+}
+
+TEST_CASE_TEMPLATE("the window: who is free, who is fixed, and nobody else moves", Map, flat_map, pointer_map) {
+  using traits = turbomap::map_traits<Map>;
+  std::set<std::size_t> sizes;
+  for (const std::size_t current : {0, 1, 5, 9})
+    for (const int shared : {1, 15, 40, 60, 100000}) {
+      CAPTURE(current);
+      CAPTURE(shared);
+      local_scene<Map> s;
+      const auto w = window_by_definition(sightings_of(s), current, shared, origin_of(s));
+      std::vector<turbomap::rigid_transform<double>> poses;
+      std::vector<turbomap::vec3<double>> positions;
+      for (const auto& k : s.keyframes) poses.push_back(traits::pose(s.map, k));
+      for (const auto& p : s.points) positions.push_back(traits::position(s.map, p));
+      local_adjustment_options options;
+      options.min_shared_points = shared, options.solve.max_iterations = 2;
+      const auto summary = adjust_around(sequential{}, s, current, options);
+      CHECK(summary.free_keyframes == w.free.size());
+      CHECK(summary.fixed_keyframes == w.fixed.size());
+      CHECK(summary.points == w.points.size());
+      CHECK(summary.observations == w.observations);
+      CHECK_FALSE(summary.stale);
+      REQUIRE(summary.solve.accepted > 0);
+      for (std::size_t f = 0; f < poses.size(); ++f)
+        CHECK(same_pose(traits::pose(s.map, s.keyframes[f]), poses[f]) == (w.free.count(f) == 0));
+      for (std::size_t l = 0; l < positions.size(); ++l)
+        if (traits::alive(s.map, s.points[l]))
+          CHECK(same_place(traits::position(s.map, s.points[l]), positions[l]) == (w.points.count(l) == 0));
+      sizes.insert(w.free.size());
+    }
+  CHECK(sizes.size() >= 4);
+}
+
+TEST_CASE("with nothing fixed the oldest keyframe is; its age is its id, not its place") {
+  local_scene<flat_map> s(local_recipe{4, 40});
+  turbomap::erase_keyframe(s.map, s.keyframes[0], 0);  // the origin is gone, its place is taken by a new keyframe
+  const auto young = insert_keyframe(s.map, {make_keypoint(0)}, 9, {});
+  REQUIRE(young.index == s.keyframes[0].index);
+  turbomap::observe(s.map, turbomap::map_traits<flat_map>::point_at(s.map, s.keyframes[1], 0), young, 0);
+  s.keyframes[0] = young;
+  const auto w = window_by_definition(sightings_of(s), 3, 1, 0);
+  REQUIRE(w.fixed == oracle_ids{1});
+  const auto before = s.map.T_cw(s.keyframes[1]);
+  local_adjustment_options options;
+  options.min_shared_points = 1;
+  const auto summary = adjust_around(sequential{}, s, 3, options);
+  CHECK(summary.free_keyframes == 3);
+  CHECK(summary.fixed_keyframes == 1);
+  REQUIRE(summary.solve.accepted > 0);
+  CHECK(same_pose(s.map.T_cw(s.keyframes[1]), before));
+}
+
+TEST_CASE_TEMPLATE("poses, points, outliers and deaths are the oracle's", Policy, sequential, omp, tbb_policy) {
+  for (const double outliers : {0.0, 0.05, 0.2}) {
+    CAPTURE(outliers);
+    local_recipe recipe{8, 60};
+    recipe.outliers = outliers, recipe.cameras = outliers > 0.1 ? 1 : 2;
+    local_scene<flat_map> s(recipe);
+    local_adjustment_options options;
+    options.min_shared_points = 20, options.solve.min_relative_decrease = 0, options.solve.max_iterations = 6;
+    options.fewest_measurements = outliers > 0.1 ? 4 : 2;
+    const auto seen = sightings_of(s);
+    const auto w = window_by_definition(seen, 6, 20, 0);
+    REQUIRE(w.free.size() >= 2);
+    REQUIRE(w.points.size() < s.points.size());
+    const auto expected = expect(s, seen, w, 6);
+    const auto dead = dead_by_definition(expected.observations, options.fewest_measurements);
+    const auto summary = adjust_around(Policy{}, s, 6, options);
+    CHECK(summary.solve.cost_final == doctest::Approx(expected.problem.cost()).epsilon(1e-6));
+    CHECK(summary.solve.cost_final < 0.8 * summary.solve.cost_initial);
+    CHECK(distance(s, expected.problem) < 1e-5);
+    CHECK(summary.points_erased == dead.size());
+    CHECK((dead.size() > 2) == (outliers > 0.1));
+    for (std::size_t l = 0; l < s.points.size(); ++l) CHECK(s.map.alive(s.points[l]) == (dead.count(l) == 0));
+    std::size_t gone = 0;
+    for (const auto& o : expected.observations) {
+      const auto at = s.map.point_at(s.keyframes[o.keyframe], o.keypoint);
+      CHECK((at == turbomap::map_point_id{}) == (o.outlier || dead.count(o.point) != 0));
+      gone += o.outlier ? 1 : 0;
+    }
+    CHECK(summary.outliers <= gone);  // a point that died takes its other outliers with it
+    CHECK(summary.outliers + 2 * dead.size() >= gone);
+    if (outliers == 0.05) {  // and they are those that were made
+      CHECK(summary.outliers > 10);
+      for (const auto& o : expected.observations) CHECK(o.outlier == (s.wrong.count({o.keyframe, o.keypoint}) != 0));
+    }
+    CHECK(turbomap::validate(s.map).empty());
+  }
+}
+
+TEST_CASE_TEMPLATE("the truth is found, whatever the map and the rigs", Map, flat_map, pointer_map, watched,
+                   two_rigs_map) {
+  using traits = turbomap::map_traits<Map>;
+  local_recipe recipe;
+  recipe.pixel_noise = 0.1, recipe.outliers = 0.02, recipe.alternate = std::is_same_v<Map, two_rigs_map>;
+  local_scene<Map> s(recipe);
+  const auto w = window_by_definition(sightings_of(s), 7, 50, origin_of(s));
+  REQUIRE(w.free.size() >= 3);
+  for (const auto f : w.fixed) traits::set_pose(s.map, s.keyframes[f], s.true_poses[f]);
+  const auto errors = [&](double& pose, double& point) {
+    pose = point = 0;
+    for (const auto f : w.free) {
+      const auto a = frame_of(traits::pose(s.map, s.keyframes[f])), b = frame_of(s.true_poses[f]);
+      pose = std::max({pose, (a.R.transpose() * a.t - b.R.transpose() * b.t).norm(), (a.R - b.R).norm()});
+    }
+    double sum = 0;
+    for (const auto l : w.points) {
+      if (!traits::alive(s.map, s.points[l])) continue;
+      const auto p = traits::position(s.map, s.points[l]);
+      sum += turbomap::norm(p - s.true_points[l]), point = sum / static_cast<double>(w.points.size());
+    }
+  };
+  double pose_before, point_before, pose_after, point_after;
+  errors(pose_before, point_before);
+  local_adjustment_options options;
+  options.min_shared_points = 50, options.solve.max_iterations = 20;
+  const auto summary = adjust_around(sequential{}, s, 7, options);
+  CHECK(adjust_around(sequential{}, s, 7, options).outliers == 0);  // undisturbed by them now
+  errors(pose_after, point_after);
+  CHECK(summary.free_keyframes == w.free.size());
+  CHECK(summary.outliers > 5);
+  CHECK(pose_before > 0.02);
+  CHECK(pose_after < 0.01);
+  CHECK(point_before > 0.05);
+  CHECK(point_after < 0.01);
+}
+
+TEST_CASE("the same bits under every policy, in any memory") {
+  local_recipe recipe;
+  recipe.outliers = 0.05;
+  for (const auto numbers : {turbomap::precision::float64, turbomap::precision::mixed}) {
+    local_adjustment_options options;
+    options.solve.numbers = numbers;
+    local_scene<flat_map> expected(recipe), a(recipe), b(recipe), c(recipe);
+    turbomap::context<sequential> ctx{sequential{}};
+    turbomap::local_adjustment<flat_map, sequential> adjust(ctx, c.view());
+    turbomap::guard_times held;
+    for (const std::size_t current : {9, 4, 6, 2}) {
+      const auto summary = adjust_around(sequential{}, expected, current, options);
+      CHECK(summary.solve.accepted > 0);
+      CHECK(adjust_around(omp{}, a, current, options).outliers == summary.outliers);
+      CHECK(adjust_around(tbb_policy{}, b, current, options).outliers == summary.outliers);
+      CHECK(adjust(ctx, c.map, c.keyframes[current], options, held).outliers == summary.outliers);
+      CHECK(adjust.points().size() == summary.points);
+      CHECK(a.state() == expected.state());
+      CHECK(b.state() == expected.state());
+      CHECK(c.state() == expected.state());
+    }
+    CHECK(held.count == 8);
+  }
+}
+
+/// Adjusts around keyframe 5 while `meanwhile` happens: after the map was copied, before the result is written.
+template <class Function>
+turbomap::local_adjustment_summary adjust_while(local_scene<watched>& s, Function meanwhile) {
+  turbomap::context<sequential> ctx{sequential{}};
+  turbomap::local_adjustment<watched, sequential> adjust(ctx, s.view());
+  turbomap::guard_times held;
+  int times = 0;
+  s.map.watch.before = [&] {
+    if (++times == 2) meanwhile();
+  };
+  s.map.watch.armed = true;
+  const auto summary = adjust(ctx, s.map, s.keyframes[5], local_adjustment_options{}, held);
+  s.map.watch.armed = false, s.map.watch.before = {};
+  CHECK(times == 2);
+  CHECK(held.count == 2);
+  CHECK(held.longest_ms <= held.total_ms);
+  CHECK_FALSE(s.map.watch.held);
+  CHECK(turbomap::validate(s.map).empty());
+  return summary;
+}
+
+using watched_traits = turbomap::map_traits<watched>::base;  // what is done under no guard of ours
+
+struct meanwhile_scene {
+  local_scene<watched> s{[] {
+    local_recipe recipe;
+    recipe.outliers = 0.05, recipe.keyframes = 16;
+    return recipe;
+  }()};
+  oracle_window w = window_by_definition(sightings_of(s), 5, 15, 0);
+  std::size_t fixed = static_cast<std::size_t>(*w.fixed.rbegin()), point = static_cast<std::size_t>(*w.points.begin());
+};
+
+TEST_CASE("a free keyframe that moved or died meanwhile: nothing is written") {
+  for (const bool dies : {false, true}) {
+    meanwhile_scene m;
+    std::string then;
+    REQUIRE(m.w.free.count(6) == 1);
+    const auto summary = adjust_while(m.s, [&] {
+      auto T = m.s.map.T_cw(m.s.keyframes[6]);
+      T.tz += 1e-12;
+      watched_traits::set_pose(m.s.map, m.s.keyframes[6], T);
+      if (dies) turbomap::erase_keyframe(static_cast<watched_traits::map&>(m.s.map), m.s.keyframes[6]);
+      then = m.s.state();
+    });
+    CHECK(summary.stale);
+    CHECK(summary.solve.accepted > 0);
+    CHECK(summary.outliers == 0);
+    CHECK(m.s.state() == then);
+  }
+}
+
+TEST_CASE("a fixed keyframe may move or die meanwhile") {
+  for (const bool dies : {false, true}) {
+    meanwhile_scene m;
+    REQUIRE(m.fixed != 0);
+    const auto T = m.s.true_poses[m.fixed];
+    const auto summary = adjust_while(m.s, [&] {
+      watched_traits::set_pose(m.s.map, m.s.keyframes[m.fixed], T);
+      if (dies) turbomap::erase_keyframe(static_cast<watched_traits::map&>(m.s.map), m.s.keyframes[m.fixed]);
+    });
+    CHECK_FALSE(summary.stale);
+    CHECK(summary.outliers > 0);
+    CHECK(m.s.map.alive(m.s.keyframes[m.fixed]) == !dies);
+    if (!dies) CHECK(same_pose(m.s.map.T_cw(m.s.keyframes[m.fixed]), T));
+  }
+}
+
+TEST_CASE("points that moved, died or were taken elsewhere meanwhile keep what they have") {
+  meanwhile_scene still;
+  adjust_while(still.s, [] {});
+  SUBCASE("moved: its place and its views, outliers too") {
+    bool found = false;
+    for (std::size_t l = 0; l < still.s.points.size() && !found; ++l) {
+      if (still.w.points.count(l) == 0) continue;
+      meanwhile_scene m;
+      const std::size_t views = m.s.map.observations(m.s.points[l]).size();
+      if (still.s.map.alive(still.s.points[l]) && still.s.map.observations(still.s.points[l]).size() == views) continue;
+      const turbomap::vec3<double> place{1, 2, 3};
+      adjust_while(m.s, [&] { watched_traits::set_position(m.s.map, m.s.points[l], place); });
+      REQUIRE(m.s.map.alive(m.s.points[l]));
+      CHECK(same_place(m.s.map.position(m.s.points[l]), place));
+      CHECK(m.s.map.observations(m.s.points[l]).size() == views);
+      for (std::size_t other = 0; other < m.s.points.size(); ++other)  // all others as if it had not
+        if (other != l && still.s.map.alive(still.s.points[other]))
+          CHECK(same_place(m.s.map.position(m.s.points[other]), still.s.map.position(still.s.points[other])));
+      found = true;
+    }
+    CHECK(found);
+  }
+  SUBCASE("died") {
+    meanwhile_scene m;
+    const auto summary = adjust_while(m.s, [&] {
+      auto& map = static_cast<watched_traits::map&>(m.s.map);
+      for (std::size_t i = 0; i < 20; ++i) {
+        const auto p = watched_traits::point_at(map, m.s.keyframes[5], i);
+        if (!(p == turbomap::map_point_id{})) turbomap::erase_point(map, p);
+      }
+    });
+    CHECK_FALSE(summary.stale);
+    CHECK(m.s.map.alive(m.s.keyframes[5]));
+  }
+  SUBCASE("an outlier's keypoint was given to another point") {
+    meanwhile_scene m;
+    std::size_t f = 0, i = 0;
+    for (const auto& [k, keypoint] : m.s.wrong)
+      if (k == 5 && still.s.map.alive(m.s.map.point_at(m.s.keyframes[k], keypoint))) f = k, i = keypoint;
+    REQUIRE(f == 5);
+    REQUIRE(still.s.map.point_at(still.s.keyframes[f], i) == turbomap::map_point_id{});
+    turbomap::map_point_id fresh;
+    adjust_while(m.s, [&] {
+      auto& map = static_cast<watched_traits::map&>(m.s.map);
+      turbomap::forget(map, m.s.keyframes[f], i);
+      fresh = map.add_point({4, 5, 6}, m.s.keyframes[f]);
+      turbomap::observe(map, fresh, m.s.keyframes[f], i);
+    });
+    CHECK(m.s.map.point_at(m.s.keyframes[f], i) == fresh);
+    CHECK(same_place(m.s.map.position(fresh), {4, 5, 6}));
+  }
+  CHECK(still.s.map.watch.unguarded == 0);
+}
+
+TEST_CASE("a point behind its only camera is an outlier, however well it fits") {
+  using turbomap::operator*;
+  local_scene<flat_map> s;
+  const auto k = s.keyframes[5];
+  for (std::size_t i = 0; i < s.map.keypoints(k).size(); ++i) {
+    const auto& z = s.map.keypoints(k)[i];
+    if (z.camera != 0 || z.u_right >= 0) continue;
+    turbomap::forget(s.map, k, i);
+    const double x = static_cast<double>((z.x - 320) / 400), y = static_cast<double>((z.y - 240) / 401);
+    const auto mirrored = s.map.add_point(
+        turbomap::inverse(turbomap::to_isometry<double>(s.map.T_cw(k))) * turbomap::vec3<double>{-5 * x, -5 * y, -5},
+        k);
+    turbomap::observe(s.map, mirrored, k, i);
+    const auto summary = adjust_around(sequential{}, s, 5);
+    CHECK(summary.solve.accepted > 0);
+    CHECK_FALSE(s.map.alive(mirrored));
+    CHECK(s.map.point_at(k, i) == turbomap::map_point_id{});
+    CHECK(summary.points_erased == 1);
+    return;
+  }
+  FAIL("no such keypoint");
+}
+
+/// The map stays to the last bit, and the end is this.
+template <class Map>
+turbomap::local_adjustment_summary check_unchanged(local_scene<Map>& s, std::size_t current, adjustment_end end,
+                                                   const local_adjustment_options& options = {}) {
+  const auto before = s.state();
+  turbomap::context<sequential> ctx{sequential{}};
+  turbomap::local_adjustment<Map, sequential> adjust(ctx, s.view());
+  turbomap::guard_times held;
+  const auto summary = adjust(ctx, s.map, s.keyframes[current], options, held);
+  CHECK(s.state() == before);
+  CHECK(std::string(turbomap::to_string(summary.solve.end)) == turbomap::to_string(end));
+  CHECK(summary.solve.accepted == 0);
+  CHECK(summary.outliers == 0);
+  CHECK(held.count == 1);  // nothing to write
+  return summary;
+}
+
+TEST_CASE("nothing to do, or not possible: the map stays, and the summary says why") {
+  local_scene<flat_map> s;
+  local_adjustment_options options;
+  SUBCASE("a point that is not a number") {
+    s.map.add_point({});
+    using traits = turbomap::map_traits<flat_map>;
+    traits::set_position(s.map, traits::point_at(s.map, s.keyframes[5], 3), {0, nan_value, 0});
+    check_unchanged(s, 5, adjustment_end::not_finite);
+  }
+  SUBCASE("a pose that is not a number") {
+    s.map.set_pose(s.keyframes[4], {0, 0, 0, nan_value, 0, 0, 0});
+    check_unchanged(s, 5, adjustment_end::not_finite);
+  }
+  SUBCASE("a keyframe without points, and one without keypoints") {
+    s.keyframes.push_back(insert_keyframe(s.map, {make_keypoint(0), make_keypoint(1)}, 11, {}));
+    s.keyframes.push_back(insert_keyframe(s.map, {}, 12, {}));
+    for (const std::size_t k : {10, 11}) {
+      const auto summary = check_unchanged(s, k, adjustment_end::no_observations);
+      CHECK(summary.points + summary.observations == 0);
+    }
+  }
+  SUBCASE("a keyframe alone: it is the oldest, and fixed") {
+    for (const std::size_t k : {0, 5}) {
+      local_scene<flat_map> alone;
+      for (std::size_t f = 0; f < alone.keyframes.size(); ++f)
+        if (f != k) turbomap::erase_keyframe(alone.map, alone.keyframes[f], 0);
+      const auto summary = check_unchanged(alone, k, adjustment_end::nothing_free);
+      CHECK(summary.free_keyframes == 0);
+      CHECK(summary.fixed_keyframes == 1);
+      CHECK(summary.observations > 0);
+    }
+  }
+  SUBCASE("the flag was set before") {
+    const std::atomic<bool> stop{true};
+    options.solve.stop = &stop;
+    const auto summary = check_unchanged(s, 5, adjustment_end::stopped, options);
+    CHECK(summary.free_keyframes > 0);
+  }
+  SUBCASE("a keyframe that died") {
+    turbomap::erase_keyframe(s.map, s.keyframes[5]);
+    CHECK(check_unchanged(s, 5, adjustment_end::no_observations).stale);
+    s.keyframes[5] = {};
+    turbomap::context<sequential> ctx{sequential{}};
+    turbomap::local_adjustment<flat_map, sequential> adjust(ctx, s.view());
+    turbomap::guard_times held;
+    CHECK(adjust(ctx, s.map, {}, options, held).stale);
+  }
+}
+
+template <class Map>
+void check_refused(local_scene<Map>& s, const local_adjustment_options& options, const std::string& words) {
+  const auto before = s.state();
+  try {
+    adjust_around(sequential{}, s, 5, options);
+    FAIL_CHECK("not refused: " << words);
+  } catch (const std::invalid_argument& e) {
+    CAPTURE(e.what());
+    CHECK(std::string(e.what()).find(words) != std::string::npos);
+  }
+  CHECK(s.state() == before);
+}
+
+TEST_CASE("bad input is refused by name, and the map stays") {
+  local_scene<watched> s;
+  const auto with = [](auto change) {
+    local_adjustment_options o;
+    change(o);
+    return o;
+  };
+  check_refused(s, with([](auto& o) { o.mono_chi2 = 0; }), "options.mono_chi2 = 0");
+  check_refused(s, with([](auto& o) { o.mono_chi2 = nan_value; }), "options.mono_chi2");
+  check_refused(s, with([](auto& o) { o.stereo_chi2 = -1; }), "options.stereo_chi2 = -1");
+  check_refused(s, with([](auto& o) { o.scales.scale_factor = 0.5F; }), "options.scales.scale_factor = 0.5");
+  check_refused(s, with([](auto& o) { o.fewest_measurements = -1; }), "options.fewest_measurements = -1");
+  check_refused(s, with([](auto& o) { o.solve.max_iterations = -1; }), "options.max_iterations = -1");
+  s.rig.pop_back();
+  check_refused(s, {}, "keypoint.camera = 1");
+  CHECK_FALSE(s.map.watch.held);
+  s.rig.clear();
+  check_refused(s, {}, "rig.count = 0");
+}
+
+TEST_CASE("an outlier whose point contradicts the map: refused, and nothing is written") {
+  local_recipe recipe;
+  recipe.outliers = 0.05;
+  local_scene<flat_map> s(recipe), sound(recipe);
+  adjust_around(sequential{}, sound, 5);
+  for (const auto& [f, i] : s.wrong) {
+    const auto p = s.map.point_at(s.keyframes[f], i);
+    if (f != 5 || !sound.map.alive(p)) continue;
+    REQUIRE(sound.map.point_at(s.keyframes[f], i) == turbomap::map_point_id{});
+    for (const auto& o : s.map.observations(p)) {  // a slot forgets it, its list does not
+      if (s.map.keyframe_at(o.keyframe) == s.keyframes[f]) continue;
+      turbomap::map_traits<flat_map>::set_point(s.map, s.map.keyframe_at(o.keyframe),
+                                                static_cast<std::size_t>(o.keypoint), {});
+      break;
+    }
+    const auto before = s.state();
+    CHECK_THROWS_AS(adjust_around(sequential{}, s, 5), turbomap::inconsistent_map);
+    CHECK(s.state() == before);
+    return;
+  }
+  FAIL("no outlier in the window");
+}
+
+}  // namespace

@@ -1,0 +1,659 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// The loop of local mapping: the same map under every host policy, true to the landmarks; stages, hooks, deadlines, the
+/// guard of the map; bad keyframes, maps that contradict themselves, other threads, no memory.
+
+#include <thrust/execution_policy.h>
+#include <thrust/system/omp/execution_policy.h>
+#include <thrust/system/tbb/execution_policy.h>
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <new>
+#include <random>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "local_mapper_cases.hpp"
+#include "scenes/lying_map.hpp"
+#include "scenes/watched_map.hpp"
+#include "support/counted_new.hpp"
+
+namespace {
+
+using namespace turbomap_test;
+using turbomap::mapping_stage;
+using turbomap::stage_outcome;
+using seq = std::decay_t<decltype(thrust::seq)>;
+using omp = std::decay_t<decltype(thrust::omp::par)>;
+using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
+using flat_traits = turbomap::map_traits<flat_map>;
+
+constexpr std::array<mapping_stage, 7> all_stages{
+    mapping_stage::process, mapping_stage::point_culling, mapping_stage::search,          mapping_stage::creation,
+    mapping_stage::fusion,  mapping_stage::adjustment,    mapping_stage::keyframe_culling};
+
+TEST_CASE_TEMPLATE("the same map under every policy, sound after every keyframe", Policy, seq, omp, tbb_policy) {
+  mapping_recipe back = noisy(5);
+  back.turn_back = 6;
+  check_same_map(Policy{}, stereo_case(back), 12);
+  check_same_map(Policy{}, rig_case(noisy(6)), 9);
+  check_same_map(Policy{}, monocular_case(noisy(7)), 9);
+  auto serial = stereo_case(noisy(8));
+  serial.options.fusion.mode = turbomap::fusion_mode::serial_exact;
+  check_same_map(Policy{}, serial, 6);
+}
+
+TEST_CASE_TEMPLATE("without noise the map is right", Policy, seq, omp, tbb_policy) {
+  check_perfect(quality_of(Policy{}, stereo_case(), 14), 150);
+  check_perfect(quality_of(Policy{}, rig_case(), 10), 200);
+  check_perfect(quality_of(Policy{}, monocular_case(), 14), 1);
+  auto serial = stereo_case();
+  serial.options.fusion.mode = turbomap::fusion_mode::serial_exact;
+  check_perfect(quality_of(Policy{}, serial, 10), 100);
+}
+
+TEST_CASE("with noise, and landmarks that look alike, it is nearly right") {
+  for (unsigned seed = 1; seed <= 3; ++seed) {
+    CAPTURE(seed);
+    auto recipe = noisy(seed);
+    check_good(quality_of(seq{}, stereo_case(recipe), 14));
+    check_good(quality_of(seq{}, rig_case(recipe), 9));
+    recipe.twins = 0.2;
+    check_good(quality_of(seq{}, stereo_case(recipe), 14));
+  }
+}
+
+/// A run on pinhole keyframes.
+template <class Map = flat_map>
+struct stereo_run {
+  mapping_case<pinhole_camera> c = stereo_case();
+  mapping_scene<pinhole_camera> scene;
+  mapping_run<Map, seq> run;
+
+  explicit stereo_run(const turbomap::local_mapper_options& options = stereo_case().options,
+                      turbomap::local_mapper_hooks<Map> hooks = {}, const mapping_recipe& recipe = {})
+      : c(stereo_case(recipe)), scene(c.rig, recipe), run(scene, options, std::move(hooks)) {}
+  bool sound() const { return turbomap::validate(run.map).empty(); }
+};
+
+TEST_CASE("each stage can be switched off: nothing of it happens") {
+  for (int off = -1; off < static_cast<int>(all_stages.size()); ++off) {
+    CAPTURE(off);
+    auto options = stereo_case().options;
+    if (off >= 0) options.enabled[all_stages[static_cast<std::size_t>(off)]] = false;
+    int adjusted = 0;
+    turbomap::local_mapper_hooks<flat_map> hooks;
+    hooks.adjust = [&](flat_map&, turbomap::map_keyframe_id, double) { ++adjusted; };
+    stereo_run<> r(options, hooks);
+    std::size_t neighbours = 0, matches = 0, created = 0, culled = 0, targets = 0, fused = 0, keyframes = 0,
+                described = 0;
+    for (int n = 0; n < 12; ++n) {
+      const auto& report = r.run.step();
+      for (const auto s : all_stages) {
+        const bool is_off = off >= 0 && s == all_stages[static_cast<std::size_t>(off)];
+        CHECK(report.outcome[s] == (is_off ? stage_outcome::off : stage_outcome::done));
+        if (is_off) CHECK(report.ms[s] == 0);
+      }
+      if (n == 0)
+        flat_traits::for_each_point(r.run.map, [&](turbomap::map_point_id p) {
+          described += flat_traits::max_distance(r.run.map, p) > 0 ? 1 : 0;
+        });
+      neighbours += report.neighbours, matches += report.matches, created += report.points_created;
+      culled += report.points_culled, targets += report.fusion_targets, fused += report.fused.entries;
+      keyframes += report.keyframes_culled.size();
+      CHECK_FALSE(report.cut);
+    }
+    const auto is_off = [&](mapping_stage s) { return off >= 0 && s == all_stages[static_cast<std::size_t>(off)]; };
+    CHECK((described == 0) == is_off(mapping_stage::process));
+    CHECK((culled == 0) == is_off(mapping_stage::point_culling));
+    CHECK((neighbours == 0) == is_off(mapping_stage::search));
+    CHECK((matches == 0) == (is_off(mapping_stage::search) || is_off(mapping_stage::creation)));
+    CHECK((created == 0) == (is_off(mapping_stage::search) || is_off(mapping_stage::creation)));
+    CHECK((targets == 0) == is_off(mapping_stage::fusion));
+    CHECK((fused == 0) == is_off(mapping_stage::fusion));
+    CHECK(adjusted == (is_off(mapping_stage::adjustment) ? 0 : 12));
+    if (!is_off(mapping_stage::fusion))  // without it nobody sees a point often enough
+      CHECK((keyframes == 0) == is_off(mapping_stage::keyframe_culling));
+    CHECK(r.run.map.keyframe_count() == 12 - keyframes);
+    CHECK(r.run.store.size() == 12 - keyframes);  // culled ones leave the store too
+    CHECK(r.run.mapper.stored().size() == 12 - keyframes);
+    CHECK(r.run.mapper.iterations() == 12);
+    CHECK(r.sound());
+  }
+}
+
+TEST_CASE("keyframes that wait: fusion, adjustment and keyframe culling are skipped, and said to be") {
+  bool wait = false;
+  int adjusted = 0;
+  turbomap::local_mapper_hooks<flat_map> hooks;
+  hooks.keyframes_wait = [&] { return wait; };
+  hooks.adjust = [&](flat_map&, turbomap::map_keyframe_id, double) { ++adjusted; };
+  stereo_run<> r(stereo_case().options, hooks);
+  r.run.steps(3);
+  CHECK(adjusted == 3);
+  wait = true;
+  for (int n = 0; n < 9; ++n) {
+    const auto& report = r.run.step();
+    for (const auto s : all_stages)
+      CHECK(report.outcome[s] == (s >= mapping_stage::fusion ? stage_outcome::skipped : stage_outcome::done));
+    CHECK(report.fused.entries == 0);
+    CHECK(report.keyframes_culled.empty());
+    CHECK_FALSE(report.cut);
+  }
+  CHECK(adjusted == 3);
+  CHECK(r.run.map.keyframe_count() == 12);
+  wait = false;
+  const auto& report = r.run.step();
+  CHECK(report.fused.merged > 0);
+  CHECK(report.outcome[mapping_stage::keyframe_culling] == stage_outcome::done);
+  CHECK(adjusted == 4);
+}
+
+TEST_CASE("stop ends the iteration before the stage that asks, whatever it says later") {
+  for (std::size_t at = 0; at < all_stages.size(); ++at) {
+    CAPTURE(at);
+    long asked = -1;  // not armed
+    std::vector<mapping_stage> done;
+    turbomap::local_mapper_hooks<flat_map> hooks;
+    hooks.stop = [&] { return asked >= 0 && asked++ == static_cast<long>(at); };
+    hooks.adjust = [](flat_map&, turbomap::map_keyframe_id, double) {};
+    hooks.stage_done = [&](mapping_stage s, const turbomap::mapping_report& report) {
+      CHECK(report.outcome[s] == stage_outcome::done);
+      if (asked >= 0) done.push_back(s);
+    };
+    stereo_run<> r(stereo_case().options, hooks);
+    r.run.steps(3);
+    asked = 0;
+    const auto& report = r.run.step();
+    for (std::size_t s = 0; s < all_stages.size(); ++s)
+      CHECK(report.outcome[all_stages[s]] == (s < at ? stage_outcome::done : stage_outcome::skipped));
+    CHECK(done == std::vector<mapping_stage>(all_stages.begin(), all_stages.begin() + static_cast<std::ptrdiff_t>(at)));
+    CHECK(r.sound());
+    asked = -1;
+    CHECK(r.run.step().outcome[mapping_stage::keyframe_culling] == stage_outcome::done);  // the next one is whole
+  }
+}
+
+TEST_CASE("adjustment is told the time that is left") {
+  for (const double deadline : {0.0, 1e7}) {
+    std::vector<double> left;
+    turbomap::map_keyframe_id of{};
+    turbomap::local_mapper_hooks<flat_map> hooks;
+    hooks.adjust = [&](flat_map&, turbomap::map_keyframe_id k, double ms) { left.push_back(ms), of = k; };
+    auto options = stereo_case().options;
+    options.deadline_ms = deadline;
+    stereo_run<> r(options, hooks);
+    r.run.steps(2);
+    REQUIRE(left.size() == 2);
+    CHECK(of == r.run.keyframes().back());
+    if (deadline > 0) {
+      CHECK(left[1] > 0);
+      CHECK(left[1] < deadline);
+    } else {
+      CHECK(left[1] == std::numeric_limits<double>::infinity());
+    }
+  }
+}
+
+TEST_CASE("a deadline that nothing can hold cuts what can be cut, says so, and leaves a sound map") {
+  int adjusted = 0;
+  turbomap::local_mapper_hooks<flat_map> hooks;
+  hooks.adjust = [&](flat_map&, turbomap::map_keyframe_id, double) { ++adjusted; };
+  stereo_run<> r(stereo_case().options, hooks);
+  r.run.steps(4);
+  const std::size_t keyframes = r.run.map.keyframe_count();
+  CHECK(adjusted == 4);
+  r.run.mapper.options().deadline_ms = 1e-6;
+  for (int n = 0; n < 8; ++n) {
+    const auto& report = r.run.step();
+    CHECK(report.cut);
+    for (const auto s : all_stages)
+      CHECK(report.outcome[s] == (s < mapping_stage::search ? stage_outcome::done : stage_outcome::cut));
+    CHECK(report.neighbours == 0);
+    CHECK(report.points_created == 0);
+    CHECK(report.fusion_targets == 0);
+    CHECK(report.fused.entries == 0);
+    CHECK(report.keyframes_culled.empty());
+    CHECK(r.sound());
+  }
+  CHECK(adjusted == 4);
+  CHECK(r.run.map.keyframe_count() == keyframes + 8);
+  r.run.mapper.options().deadline_ms = 0;
+  const auto& report = r.run.step();
+  CHECK_FALSE(report.cut);
+  CHECK(report.fused.merged > 0);
+  CHECK(adjusted == 5);
+}
+
+TEST_CASE("a deadline that everything fits in changes nothing") {
+  auto options = stereo_case().options;
+  stereo_run<> free(options);
+  options.deadline_ms = 1e8;
+  stereo_run<> timed(options);
+  for (int n = 0; n < 8; ++n) {
+    free.run.step();
+    CHECK_FALSE(timed.run.step().cut);
+  }
+  CHECK(content(free.run.map) == content(timed.run.map));
+}
+
+using watched = watched_map<probing_descriptor>;
+
+TEST_CASE("one slow keyframe does not switch a stage off for ever") {
+  constexpr double deadline_ms = 500;
+  bool slow = false, searched = false;
+  turbomap::local_mapper_hooks<watched> hooks;
+  hooks.stage_done = [&](mapping_stage s, const turbomap::mapping_report&) { searched = s == mapping_stage::search; };
+  auto options = stereo_case().options;
+  options.deadline_ms = deadline_ms;
+  stereo_run<watched> r(options, hooks);
+  r.run.map.watch.before = [&] {
+    if (!slow || !searched) return;
+    slow = false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(600));
+  };
+  r.run.steps(3);
+  slow = true;
+  CHECK(r.run.step().outcome[mapping_stage::creation] == stage_outcome::done);  // a piece that was begun is finished
+  CHECK_FALSE(slow);
+  int cut = 0;
+  while (r.run.step().outcome[mapping_stage::creation] != stage_outcome::done && cut < 12) ++cut;
+  CHECK(cut >= 1);  // expected to take 600 ms of 500
+  CHECK(cut < 12);
+}
+
+TEST_CASE("the guard is held whenever the map is read or written, and never during a search") {
+  for (const auto mode : {turbomap::fusion_mode::snapshot, turbomap::fusion_mode::serial_exact}) {
+    auto options = stereo_case().options;
+    options.fusion.mode = mode;
+    turbomap::local_mapper_hooks<watched> hooks;
+    watched* map = nullptr;
+    int erased = 0;
+    hooks.adjust = [&](watched&, turbomap::map_keyframe_id, double) { CHECK_FALSE(map->watch.held); };
+    hooks.stage_done = [&](mapping_stage, const turbomap::mapping_report&) { CHECK_FALSE(map->watch.held); };
+    const auto ask = [&] {
+      CHECK_FALSE(map->watch.held);
+      return false;
+    };
+    hooks.keyframes_wait = ask, hooks.stop = ask;
+    hooks.erasing = [&](turbomap::map_keyframe_id) {
+      ++erased;
+      CHECK(map->watch.held);
+    };
+    stereo_run<watched> r(options, hooks);
+    map = &r.run.map;
+    r.run.notes_creation = false;
+    std::size_t fused = 0, created = 0;
+    for (int n = 0; n < 10; ++n) {
+      const auto k = r.run.track();
+      const long calls = distance_calls, taken = map->watch.taken;
+      map->watch.armed = true;
+      const auto& report = r.run.mapper.process(k);
+      map->watch.armed = false;
+      CHECK_FALSE(map->watch.held);
+      r.run.note();
+      fused += report.fused.merged, created += report.points_created;
+      if (n >= 2) CHECK(distance_calls > calls);
+      std::size_t counted = 0;
+      for (const auto s : all_stages) {
+        counted += report.held[s].count;
+        CHECK(report.held[s].longest_ms <= report.held[s].total_ms);
+        CHECK(report.held[s].total_ms <= report.total_ms);
+      }
+      CHECK(static_cast<long>(counted) == map->watch.taken - taken);  // the report knows of each time
+    }
+    CHECK(created > 0);
+    CHECK(fused > 0);
+    CHECK(erased > 0);
+    CHECK(map->watch.unguarded == 0);
+    CHECK(distance_calls_under_guard == 0);
+  }
+}
+
+TEST_CASE("an exception gives the guard back") {
+  stereo_run<watched> r;
+  r.run.steps(4);
+  for (int at = 0;; ++at) {
+    CAPTURE(at);
+    int times = 0;
+    r.run.map.watch.after = [&] {
+      if (times++ == at) throw std::runtime_error("a trait that reads the network");
+    };
+    const auto k = r.run.track();
+    bool threw = false;
+    try {
+      r.run.mapper.process(k);
+    } catch (const std::runtime_error&) {
+      threw = true;
+    }
+    r.run.map.watch.after = {};
+    CHECK_FALSE(r.run.map.watch.held);
+    CHECK(r.run.map.watch.mutex.try_lock());
+    r.run.map.watch.mutex.unlock();
+    REQUIRE(r.sound());
+    r.run.note();
+    CHECK(r.run.mapper.process(k).outcome[mapping_stage::fusion] == stage_outcome::done);
+    if (!threw) {
+      CHECK(at > 8);
+      break;
+    }
+  }
+}
+
+TEST_CASE("keyframes that are about to be erased still hold their points") {
+  std::vector<std::uint64_t> erasing;
+  flat_map* map = nullptr;
+  turbomap::local_mapper_hooks<flat_map> hooks;
+  hooks.erasing = [&](turbomap::map_keyframe_id k) {
+    erasing.push_back(flat_traits::id(*map, k));
+    std::size_t points = 0;
+    for (std::size_t i = 0; i < map->keypoints(k).size(); ++i)
+      points += map->point_at(k, i) != turbomap::map_point_id{} ? 1 : 0;
+    CHECK(map->alive(k));
+    CHECK(points > 0);
+  };
+  stereo_run<> r(stereo_case().options, hooks);
+  map = &r.run.map;
+  std::vector<std::uint64_t> culled;
+  for (int n = 0; n < 12; ++n) {
+    const auto& report = r.run.step();
+    culled.insert(culled.end(), report.keyframes_culled.begin(), report.keyframes_culled.end());
+  }
+  CHECK_FALSE(culled.empty());
+  CHECK(erasing == culled);
+  for (const auto id : culled) {
+    CHECK_FALSE(map->alive(r.run.keyframes()[static_cast<std::size_t>(id)]));
+    CHECK_FALSE(r.run.mapper.stored().contains(id));
+  }
+}
+
+TEST_CASE("a keyframe that is not inserted, or dead, is refused, and nothing is done") {
+  stereo_run<> r;
+  r.run.steps(3);
+  const auto k = r.run.add();
+  r.run.associate(k, r.run.view(3));
+  auto before = content(r.run.map);
+  try {
+    r.run.mapper.process(k);
+    FAIL_CHECK("not refused");
+  } catch (const std::invalid_argument& e) {
+    CHECK(std::string(e.what()) == "turbomap: keyframe id = 3: is not in the store: insert the keyframe first");
+  }
+  CHECK(content(r.run.map) == before);
+  CHECK_THROWS_AS(r.run.mapper.process(turbomap::map_keyframe_id{}), std::invalid_argument);
+  CHECK(r.run.mapper.iterations() == 3);
+  r.run.mapper.insert(k, r.scene.data<map_descriptor>(r.run.view(3)));
+  CHECK(r.run.mapper.process(k).outcome[mapping_stage::fusion] == stage_outcome::done);
+  CHECK_THROWS_AS(r.run.mapper.insert(k, r.scene.data<map_descriptor>(r.run.view(3))), std::invalid_argument);
+  CHECK(r.run.store.size() == r.run.mapper.stored().size());
+  r.run.note();
+  r.run.steps(2);
+  const auto last = r.run.keyframes().back();
+  turbomap::erase_keyframe(r.run.map, last);
+  before = content(r.run.map);
+  CHECK_THROWS_AS(r.run.mapper.process(last), std::invalid_argument);
+  CHECK(content(r.run.map) == before);
+  r.run.mapper.remove(5);
+  CHECK_THROWS_AS(r.run.mapper.remove(5), std::invalid_argument);
+  r.run.steps(2);
+  CHECK(r.sound());
+}
+
+TEST_CASE("bad options are refused when the mapper is made") {
+  const auto refuses = [](auto change) {
+    auto options = stereo_case().options;
+    change(options);
+    CHECK_THROWS_AS(stereo_run<>{options}, std::invalid_argument);
+  };
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  refuses([](auto& o) { o.deadline_ms = -1; });
+  refuses([](auto& o) { o.deadline_ms = nan; });
+  refuses([](auto& o) { o.stereo_baseline = -0.1; });
+  refuses([](auto& o) { o.stereo_baseline = nan; });
+  refuses([](auto& o) { o.keyframe_culling.redundant_share = 2; });
+}
+
+TEST_CASE("keyframes of the map that are not in the store are left out") {
+  auto options = stereo_case().options;
+  options.enabled[mapping_stage::keyframe_culling] = false;
+  stereo_run<> r(options);
+  r.run.steps(2);
+  const auto outsider = r.run.add();
+  r.run.associate(outsider, r.run.view(2));
+  const auto free_slots = [&] {
+    std::vector<std::size_t> all;
+    for (std::size_t i = 0; i < r.run.map.keypoints(outsider).size(); ++i)
+      if (r.run.map.point_at(outsider, i) == turbomap::map_point_id{}) all.push_back(i);
+    return all;
+  };
+  const auto free_before = free_slots();
+  REQUIRE(free_before.size() + 30 < r.run.map.keypoints(outsider).size());  // covisible
+  for (int n = 0; n < 3; ++n) {
+    const auto& report = r.run.step();
+    CHECK(report.neighbours == static_cast<std::size_t>(n + 2));
+    CHECK(report.fused.merged > 0);
+    for (const auto id : r.run.mapper.matching().selection().ids()) CHECK(id != 2);
+  }
+  for (const std::size_t i : free_before) CHECK(r.run.map.point_at(outsider, i) == turbomap::map_point_id{});
+  CHECK(r.sound());
+}
+
+TEST_CASE("a map without anything to do") {
+  mapping_recipe empty;
+  empty.per_metre = 0, empty.clutter = 0;
+  stereo_run<> nothing(stereo_case().options, {}, empty);
+  empty.clutter = 30;
+  stereo_run<> clutter(stereo_case().options, {}, empty);
+  for (int n = 0; n < 4; ++n) {
+    for (auto* r : {&nothing, &clutter}) {
+      const auto& report = r->run.step();
+      CHECK(report.outcome[mapping_stage::keyframe_culling] == stage_outcome::done);
+      CHECK(report.points_created == 0);
+      CHECK(report.fused.entries == 0);
+      CHECK(r->sound());
+    }
+  }
+}
+
+TEST_CASE("a map that contradicts itself is refused stage by stage, and stays as it was") {
+  for (const auto s : {mapping_stage::process, mapping_stage::point_culling, mapping_stage::creation,
+                       mapping_stage::fusion, mapping_stage::keyframe_culling}) {
+    CAPTURE(turbomap::to_string(s));
+    lying_map* liar = nullptr;
+    std::string before;
+    turbomap::local_mapper_hooks<lying_map> hooks;
+    const auto lie = [&] {
+      lying_map& map = *liar;
+      std::vector<turbomap::map_keyframe_id> keyframes;
+      flat_traits::for_each_keyframe(map, [&](turbomap::map_keyframe_id k) { keyframes.push_back(k); });
+      flat_traits::for_each_point(map, [&](turbomap::map_point_id p) {
+        const auto seen = map.observations(p);
+        if (s == mapping_stage::creation) {  // free keypoints hold points that do not know of them
+          for (const auto k : keyframes)
+            for (std::size_t i = 0; i < map.keypoints(k).size(); ++i)
+              if (map.point_at(k, i) == turbomap::map_point_id{}) map.slots[{k.index, i}] = p;
+        } else if (seen.size() > 0 && (s == mapping_stage::process || s == mapping_stage::point_culling)) {
+          map.invented.insert({p.index, {keyframes[0], 1000000}});  // a keypoint that is not there
+        } else if (seen.size() > 0) {
+          map.hidden[{p.index, {seen[0].keyframe, static_cast<std::size_t>(seen[0].keypoint)}}];
+        }
+      });
+      before = content(static_cast<flat_map&>(map));
+      map.writes = 0;
+    };
+    bool armed = false;
+    hooks.stage_done = [&](mapping_stage done, const turbomap::mapping_report&) {
+      if (armed && done == mapping_stage::search && s == mapping_stage::creation) lie();
+    };
+    stereo_run<lying_map> r(stereo_case().options, hooks);
+    liar = &r.run.map;
+    auto& enabled = r.run.mapper.options().enabled;
+    enabled[mapping_stage::keyframe_culling] = false;
+    r.run.steps(5);
+    const auto k = r.run.track();
+    for (const auto t : all_stages) enabled[t] = t == s || (s == mapping_stage::creation && t == mapping_stage::search);
+    r.run.mapper.options().keyframe_culling.redundant_share = 0;
+    armed = true;
+    if (s != mapping_stage::creation) lie();
+    CHECK_THROWS_AS(r.run.mapper.process(k), turbomap::inconsistent_map);
+    armed = false;
+    CHECK(liar->writes == 0);
+    CHECK(content(static_cast<flat_map&>(*liar)) == before);
+    liar->tell_the_truth();
+    for (const auto t : all_stages) enabled[t] = t != mapping_stage::adjustment;
+    CHECK_NOTHROW(r.run.mapper.process(k));
+    CHECK(turbomap::validate(*liar).empty());
+  }
+}
+
+TEST_CASE("another thread edits the map under the guard") {
+  using traits = turbomap::map_traits<watched>;
+  auto options = stereo_case().options;
+  stereo_run<watched> r(options, {}, noisy(3));
+  r.run.notes_creation = false;
+  auto& map = r.run.map;
+  std::atomic<bool> done{false};
+  std::atomic<long> edits{0};
+  std::thread other([&] {
+    std::mt19937 random(11);
+    std::vector<turbomap::map_keyframe_id> keyframes;
+    std::vector<turbomap::map_point_id> points;
+    std::vector<std::pair<turbomap::map_keyframe_id, std::size_t>> scratch;
+    while (!done) {
+      {
+        const auto guard = turbomap::map_guard(map);
+        keyframes.clear(), points.clear();
+        traits::for_each_keyframe(map, [&](turbomap::map_keyframe_id k) { keyframes.push_back(k); });
+        traits::for_each_point(map, [&](turbomap::map_point_id p) { points.push_back(p); });
+        for (int n = 0; n < 4 && !keyframes.empty() && !points.empty(); ++n) {
+          const auto k = keyframes[random() % keyframes.size()];
+          const auto p = points[random() % points.size()], q = points[random() % points.size()];
+          const std::size_t i = random() % map.keypoints(k).size();
+          if (!map.alive(p) || !map.alive(q)) continue;
+          switch (random() % 8) {
+            case 0:
+              turbomap::erase_point(map, p);
+              break;
+            case 1:
+              turbomap::merge_points(map, p, q, turbomap::merge_rule::refuse, scratch);
+              break;
+            case 2:
+            case 3:
+              turbomap::fade(map, k, i);
+              break;
+            default:
+              turbomap::observe(map, p, k, i);
+          }
+          ++edits;
+        }
+        if (keyframes.size() > 6 && random() % 64 == 0) {
+          const auto k = keyframes[1 + random() % (keyframes.size() - 3)];
+          turbomap::erase_keyframe(map, k);
+        }
+      }
+      std::this_thread::yield();
+    }
+  });
+  std::size_t created = 0, stale = 0;
+  for (int n = 0; n < 25; ++n) {
+    turbomap::map_keyframe_id k;
+    {
+      const auto guard = turbomap::map_guard(map);
+      k = r.run.track();
+    }
+    try {
+      const auto& report = r.run.mapper.process(k);
+      created += report.points_created, stale += report.fused.stale + report.fused.already_observed;
+    } catch (const std::invalid_argument&) {
+      const auto guard = turbomap::map_guard(map);
+      CHECK_FALSE(map.alive(k));  // the other one was faster
+    }
+    const auto guard = turbomap::map_guard(map);
+    REQUIRE(turbomap::validate(map).empty());
+  }
+  done = true;
+  other.join();
+  CHECK(edits > 10);
+  CHECK(created > 0);
+  CHECK(r.sound());
+}
+
+/// Whether process() ran out of memory at its n-th allocation.
+template <class Run>
+bool fails(Run& run, turbomap::map_keyframe_id k, long n) {
+  const no_memory_after limit(n);
+  try {
+    run.mapper.process(k);
+    return false;
+  } catch (const std::bad_alloc&) {
+    return true;
+  }
+}
+
+TEST_CASE("no memory, at any time: the map is sound, and the next keyframe is mapped") {
+  mapping_recipe small;
+  small.per_metre = 10, small.clutter = 5;
+  auto options = stereo_case().options;
+  options.neighbourhood.min_shared_points = 5;
+  SUBCASE("a mapper that has its memory") {
+    stereo_run<> r(options, {}, small);
+    r.run.notes_creation = false;
+    r.run.steps(3);
+    int failures = 0;
+    for (int keyframe = 0; keyframe < 5; ++keyframe) {
+      const auto k = r.run.track();
+      for (long n = 0; fails(r.run, k, n); ++n) {
+        ++failures;
+        REQUIRE(r.sound());
+        REQUIRE(r.run.store.size() == r.run.mapper.stored().size());
+      }
+      r.run.note();
+    }
+    CHECK(failures > 20);
+    flat_traits::for_each_point(r.run.map, [&](turbomap::map_point_id p) {  // nobody was forgotten
+      CHECK(flat_traits::max_distance(r.run.map, p) > 0);
+    });
+    CHECK(r.run.quality().merged_wrongly == 0);
+  }
+  SUBCASE("a new one") {
+    int failures = 0;
+    bool more = true;
+    for (long n = 0; more; n += 1 + n / 8) {
+      stereo_run<> r(options, {}, small);
+      r.run.notes_creation = false;
+      r.run.steps(2);
+      turbomap::local_mapper<flat_map, seq> fresh(r.run.ctx, r.run.map, r.run.store, options);
+      for (std::size_t i = 0; i < 2; ++i)
+        if (r.run.map.alive(r.run.keyframes()[i]))
+          fresh.insert(r.run.keyframes()[i], r.scene.data<map_descriptor>(r.run.view(i)));
+      const auto k = r.run.track();
+      fresh.insert(k, r.scene.data<map_descriptor>(r.run.view(2)));
+      more = false;
+      {
+        const no_memory_after limit(n);
+        try {
+          fresh.process(k);
+        } catch (const std::bad_alloc&) {
+          more = true;
+        }
+      }
+      failures += more ? 1 : 0;
+      REQUIRE(r.sound());
+      const auto& report = fresh.process(k);
+      CHECK(report.outcome[mapping_stage::keyframe_culling] == stage_outcome::done);
+      REQUIRE(r.sound());
+    }
+    CHECK(failures > 20);
+  }
+}
+
+}  // namespace

@@ -1,0 +1,157 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Check of the visual local bundle adjustment: the recorded problems adjusted with the recorded number of iterations,
+/// then cost, poses and outliers compared. Costs of both results come from one function in float64.
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include <turbomap/io/recording.hpp>
+#include "readers/recording_snapshot_adjustment.hpp"
+
+#include "bundle/recorded_problem.hpp"
+#include "bundle/solve.hpp"
+
+namespace turbomap_replay {
+
+/// The camera model with parameters in double.
+template <class Camera>
+struct in_double;
+template <template <class> class Camera, class T>
+struct in_double<Camera<T>> {
+  using type = Camera<double>;
+};
+
+/// What the comparison has to hold.
+struct adjustment_bounds {
+  double worst_cost_ratio = 1 + 1e-4, median_cost_ratio = 1 + 1e-6;
+  double pose_m = 1e-3, pose_rad = 1e-3;                ///< the worst
+  double median_pose_m = 1e-5, median_pose_rad = 1e-5;  ///< of all keyframes
+  double outlier_agree = 0.98;
+};
+
+template <class Camera, class Policy>
+class adjustment_check {
+ public:
+  using camera = typename in_double<Camera>::type;
+
+  /// \param repeat  adjustments of each problem, to time them
+  adjustment_check(const turbomap::recording& recording, const std::filesystem::path& directory, const Policy& policy,
+                   turbomap::precision numbers = turbomap::precision::float64, int repeat = 3)
+      : recording_(recording), directory_(directory), policy_(policy), numbers_(numbers), repeat_(repeat) {
+    const auto timing = turbomap::read_timing(directory);
+    if (!timing.empty() && timing.has("ms_lba"))
+      peer_iteration_ = timing.column("iter"), peer_ms_ = timing.column("ms_lba");
+  }
+
+  /// Reads the adjustment of an iteration; one that is not there, or inertial, is left out.
+  void check(std::int32_t iteration) {
+    const auto s = turbomap::read_adjustment_snapshot(recording_, directory_, iteration);
+    if (!s || s->inertial) return;
+    const auto problem = turbomap_bundle::recorded_problem<camera>(recording_.meta, *s);
+    turbomap::adjustment_options options;
+    options.numbers = numbers_;
+    options.max_iterations = s->iterations, options.initial_lambda = s->initial_lambda;
+    const auto ours = turbomap_bundle::solve_rig(policy_, repeat_, options, problem);
+
+    std::vector<turbomap::isometry<double>> T_ours, T_peer;
+    for (std::size_t i = 0; i < s->keyframe.size(); ++i) {
+      T_ours.push_back(turbomap::to_isometry<double>(ours.frames[i]));
+      T_peer.push_back(i < s->optimised ? pose_of(s->pose_after[i]) : turbomap::to_isometry<double>(s->T_cw_after[i]));
+      if (s->fixed[i] == 0) compare(T_ours.back(), T_peer.back());
+    }
+    const auto our_costs = turbomap_bundle::observation_costs(problem, T_ours, ours.landmarks);
+    const auto peer_costs = turbomap_bundle::observation_costs(problem, T_peer, s->position_after_exact);
+    const double ratio = turbomap_bundle::robust_sum(our_costs) / turbomap_bundle::robust_sum(peer_costs);
+    ratios_.push_back(ratio);
+    if (!(ratio <= bounds_.worst_cost_ratio))
+      std::printf("adjustment: snapshot %d: cost %.9g of the peer's\n", iteration, ratio);
+    count_outliers(*s, our_costs);
+    ms_.push_back(ours.ms_setup + ours.ms_adjust), cpu_ms_.push_back(ours.cpu_ms_setup + ours.cpu_ms_adjust);
+    for (std::size_t row = 0; row < peer_iteration_.size(); ++row)
+      if (peer_iteration_[row] == iteration) peer_at_.push_back(peer_ms_[row]);
+  }
+
+  bool empty() const { return ratios_.empty(); }
+
+  void add_json(nlohmann::json& json) const {
+    using turbomap_bundle::median;
+    json["adjustment"] = {{"problems", ratios_.size()},
+                          {"chi2_ratio_max", largest(ratios_)},
+                          {"chi2_ratio_median", median(ratios_)},
+                          {"pose_max_m", largest(metres_)},
+                          {"pose_max_rad", largest(radians_)},
+                          {"pose_median_m", median(metres_)},
+                          {"pose_median_rad", median(radians_)},
+                          {"outlier_agree", outlier_agree()},
+                          {"outliers", either_},
+                          {"ms_median", median(ms_)},
+                          {"ms_mean", mean(ms_)},
+                          {"cpu_ms_mean", mean(cpu_ms_)}};
+    if (peer_at_.size() != ratios_.size()) return;
+    json["adjustment"]["peer_ms_median"] = median(peer_at_), json["adjustment"]["peer_ms_mean"] = mean(peer_at_);
+  }
+  bool good() const {
+    using turbomap_bundle::median;
+    return largest(ratios_) <= bounds_.worst_cost_ratio && median(ratios_) <= bounds_.median_cost_ratio &&
+           largest(metres_) <= bounds_.pose_m && largest(radians_) <= bounds_.pose_rad &&
+           median(metres_) <= bounds_.median_pose_m && median(radians_) <= bounds_.median_pose_rad &&
+           outlier_agree() >= bounds_.outlier_agree;
+  }
+
+ private:
+  static turbomap::isometry<double> pose_of(const std::array<double, 12>& p) {
+    turbomap::isometry<double> T;
+    std::copy_n(p.begin(), 9, T.R.m);
+    T.t = {p[9], p[10], p[11]};
+    return T;
+  }
+  /// NaN where there is one.
+  static double largest(const std::vector<double>& v) {
+    double l = 0;
+    for (const double x : v) l = x > l || std::isnan(x) ? x : l;
+    return l;
+  }
+  static double mean(const std::vector<double>& v) {
+    double sum = 0;
+    for (const double x : v) sum += x;
+    return v.empty() ? 0 : sum / static_cast<double>(v.size());
+  }
+
+  /// Distance of the camera centres, angle of the rotation between.
+  void compare(const turbomap::isometry<double>& a, const turbomap::isometry<double>& b) {
+    metres_.push_back(turbomap::norm(turbomap::camera_centre(a) - turbomap::camera_centre(b)));
+    const auto d = a.R * turbomap::transpose(b.R);  // its antisymmetric part is sin(angle) times the axis
+    const turbomap::vec3<double> twice{d(2, 1) - d(1, 2), d(0, 2) - d(2, 0), d(1, 0) - d(0, 1)};
+    radians_.push_back(std::atan2(turbomap::norm(twice) / 2, (d(0, 0) + d(1, 1) + d(2, 2) - 1) / 2));
+  }
+
+  void count_outliers(const turbomap::adjustment_snapshot& s,
+                      const std::vector<turbomap_bundle::observation_cost>& costs) {
+    for (std::size_t i = 0; i < costs.size(); ++i) {
+      const double limit = s.kind[i] == turbomap::recorded_residual::stereo ? 7.815 : 5.991;
+      const bool ours = costs[i].chi2 > limit || !(costs[i].depth > 0), theirs = s.outlier[i] != 0;
+      both_ += ours && theirs ? 1 : 0, either_ += ours || theirs ? 1 : 0;
+    }
+  }
+  double outlier_agree() const { return either_ == 0 ? 1 : static_cast<double>(both_) / static_cast<double>(either_); }
+
+  const turbomap::recording& recording_;
+  std::filesystem::path directory_;
+  Policy policy_;
+  turbomap::precision numbers_;
+  int repeat_;
+  adjustment_bounds bounds_;
+  std::vector<double> ratios_, metres_, radians_, ms_, cpu_ms_, peer_iteration_, peer_ms_, peer_at_;
+  std::size_t both_ = 0, either_ = 0;
+};
+
+}  // namespace turbomap_replay

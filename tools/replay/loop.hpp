@@ -1,0 +1,203 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Replay mode: the keyframe log of a recording through the local mapper, on a map of our own.
+
+#include <cmath>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include <turbomap/local_mapper.hpp>
+#include <turbomap/mapping/local_adjustment.hpp>
+
+#include "arguments.hpp"
+#include "map_digest.hpp"
+#include "match_judge.hpp"
+#include "recorded_keyframes.hpp"
+#include "replayed_map.hpp"
+#include "stage_times.hpp"
+#include "tracking.hpp"
+
+namespace turbomap_replay {
+
+/// One keyframe of a replay.
+struct replay_row {
+  turbomap::mapping_report report;
+  turbomap::local_adjustment_summary adjustment;
+  double insertion_ms = 0;  ///< into the store, and tracking's associations: part of 'process'
+  double total_ms = 0;
+  std::size_t points = 0, keyframes = 0, observations = 0;  ///< in the map afterwards
+};
+
+/// What a replay leaves behind. Vectors by keyframe of the recording.
+struct replay_result {
+  std::vector<replay_row> rows;
+  std::vector<turbomap::rigid_transform<double>> T_cw;  ///< of culled keyframes, the last
+  std::vector<std::uint8_t> alive;
+  std::vector<turbomap::vec3<double>> points;
+  std::vector<std::int32_t> point_observations;
+  std::size_t associations = 0, associations_kept = 0;  ///< of tracking
+  std::size_t keyframes_left = 0, faults = 0;           ///< faults: of validate() on the final map
+  std::string map_digest;                               ///< of the final map
+  match_verdict matches;
+  turbomap::keyframe_store_statistics store;
+};
+
+/// Options of the mapper for a recording.
+inline turbomap::local_mapper_options mapper_options(const turbomap::recording_meta& meta, const arguments& a) {
+  using turbomap::mapping_stage;
+  auto o = meta.sensor == "inertial"
+               ? turbomap::local_mapper_options::stereo_inertial(meta.baseline, meta.close_depth, meta.pyramid())
+           : meta.sensor == "monocular"
+               ? turbomap::local_mapper_options::monocular(meta.pyramid())
+               : turbomap::local_mapper_options::stereo(meta.baseline, meta.close_depth, meta.pyramid());
+  o.search.candidate_set = a.candidates == "grouped"      ? turbomap::candidates::grouped
+                           : a.candidates == "exhaustive" ? turbomap::candidates::exhaustive
+                                                          : turbomap::candidates::epipolar_ordered;
+  o.fusion.mode = a.serial_fusion ? turbomap::fusion_mode::serial_exact : turbomap::fusion_mode::snapshot;
+  o.fusion.commit.merges = a.merges == "drop"     ? turbomap::merge_rule::drop
+                           : a.merges == "refuse" ? turbomap::merge_rule::refuse
+                                                  : turbomap::merge_rule::refuse_apart;
+  o.deadline_ms = a.deadline_ms;
+  o.enabled[mapping_stage::point_culling] = a.point_culling;
+  o.enabled[mapping_stage::search] = a.search;
+  o.enabled[mapping_stage::creation] = a.creation;
+  o.enabled[mapping_stage::fusion] = a.fusion;
+  o.enabled[mapping_stage::adjustment] = a.adjustment;
+  o.enabled[mapping_stage::keyframe_culling] = a.culling;
+  return o;
+}
+
+template <class Camera, class Policy>
+class replayer {
+ public:
+  using world = replayed_map<Camera>;
+  using map_type = typename world::map_type;
+  using traits = turbomap::map_traits<map_type>;
+
+  replayer(const turbomap::recording& recording, const Policy& policy, const arguments& arguments)
+      : recording_(recording),
+        arguments_(arguments),
+        rig_(recorded_rig<Camera>(recording.meta)),
+        ctx_(policy),
+        store_(recorded_store_options(recording.meta)),
+        world_(recording, arguments.adjustment),
+        tracker_(ctx_, rig_, recording.meta.pyramid(), arguments.correlation(recording.is_simulated())),
+        adjustment_(ctx_, {rig_.data(), static_cast<int>(rig_.size())}),
+        judge_(recording, ctx_),
+        mapper_(ctx_, world_.map(), store_, mapper_options(recording.meta, arguments), hooks()) {}
+  replayer(const replayer&) = delete;
+  replayer& operator=(const replayer&) = delete;
+
+  replay_result run() {
+    for (std::size_t i = 0; i < recording_.keyframe_count(); ++i) step(static_cast<std::int32_t>(i));
+    const auto& map = world_.map();
+    for (std::size_t i = 0; i < recording_.keyframe_count(); ++i) {
+      result_.T_cw.push_back(world_.T_cw(static_cast<std::int32_t>(i)));
+      result_.alive.push_back(world_.alive(static_cast<std::int32_t>(i)) ? 1 : 0);
+    }
+    traits::for_each_point(map, [&](turbomap::map_point_id p) {
+      result_.points.push_back(map.position(p));
+      result_.point_observations.push_back(static_cast<std::int32_t>(map.observations(p).size()));
+    });
+    result_.keyframes_left = map.keyframe_count();
+    result_.associations = world_.associations(), result_.associations_kept = world_.associations_kept();
+    result_.faults = turbomap::validate(map).size();
+    result_.map_digest = map_digest(map);
+    result_.matches = judge_.verdict();
+    result_.store = store_.statistics();
+    return std::move(result_);
+  }
+
+ private:
+  void step(std::int32_t i) {
+    const auto data = recorded_keyframe(recording_, static_cast<std::size_t>(i), rig_, keypoints_);  // not timed
+    // In recorded time: a keyframe is begun when it has come and the one before is done.
+    const double arrival = arrival_ms(i);
+    clock_ms_ = clock_ms_ > arrival ? clock_ms_ : arrival;
+    replay_row row;
+    double begin = now_ms();
+    began_ = begin;
+    query_ = i;
+    const auto keyframe = world_.add(i, keypoints_);
+    mapper_.insert(keyframe, data);
+    world_.associate(i);
+    if (arguments_.adjustment) {
+      const double paused = now_ms();
+      tracker_(world_.map(), keyframe);  // tracking's time, not mapping's
+      begin += now_ms() - paused;
+    }
+    mapper_.watch(world_.create(i));
+    world_.count_tracking(i);
+    adjusted_ = {};
+    row.insertion_ms = now_ms() - begin;
+    row.report = mapper_.process(keyframe);
+    row.adjustment = adjusted_;
+    row.total_ms = row.insertion_ms;
+    for (const double ms : row.report.ms.values) row.total_ms += ms;
+    clock_ms_ += row.total_ms;
+    row.points = world_.map().point_count();
+    row.keyframes = world_.map().keyframe_count();
+    row.observations = world_.map().observation_count();
+    result_.rows.push_back(std::move(row));
+  }
+
+  double arrival_ms(std::int32_t i) const {
+    return 1e-6 * static_cast<double>(recording_.t_ns[static_cast<std::size_t>(i)] - recording_.t_ns[0]);
+  }
+
+  turbomap::local_mapper_hooks<map_type> hooks() {
+    turbomap::local_mapper_hooks<map_type> hooks;
+    hooks.adjust = [this](map_type& map, turbomap::map_keyframe_id k, double time_left_ms) {
+      adjust(map, k, time_left_ms);
+    };
+    hooks.erasing = [this](turbomap::map_keyframe_id k) { world_.remember(k); };
+    if (arguments_.queue)
+      hooks.keyframes_wait = [this] {
+        const auto next = static_cast<std::size_t>(query_) + 1;
+        return next < recording_.keyframe_count() && arrival_ms(query_ + 1) <= clock_ms_ + (now_ms() - began_);
+      };
+    if (recording_.is_simulated() || arguments_.check)
+      hooks.stage_done = [this](turbomap::mapping_stage stage, const turbomap::mapping_report&) {
+        if (stage == turbomap::mapping_stage::search) judge();
+      };
+    return hooks;
+  }
+  void adjust(map_type& map, turbomap::map_keyframe_id k, double time_left_ms) {
+    turbomap::local_adjustment_options options;
+    options.scales = recording_.meta.pyramid();
+    options.solve.numbers = arguments_.precision();
+    options.stereo_correlation = arguments_.correlation(recording_.is_simulated());
+    if (std::isfinite(time_left_ms)) options.solve.time_budget_ms = time_left_ms;
+    adjusted_ = adjustment_(ctx_, map, k, options, held_);
+    mapper_.update_geometry(turbomap::span<const turbomap::map_point_id>(adjustment_.points()));
+  }
+  void judge() {
+    std::vector<std::int32_t> keyframes;
+    for (const std::uint64_t id : mapper_.matching().selection().ids())
+      keyframes.push_back(static_cast<std::int32_t>(id));  // ids ascend as the keyframes of the log do
+    judge_(mapper_.matching(), keyframes, mapper_.options().search, arguments_.check);
+  }
+
+  const turbomap::recording& recording_;
+  const arguments& arguments_;
+  std::vector<turbomap::rig_camera<Camera>> rig_;
+  turbomap::context<Policy> ctx_;
+  turbomap::keyframe_store<orb, Camera, turbomap::memory_of_t<Policy>> store_;
+  world world_;
+  pose_tracker<map_type, Policy> tracker_;
+  turbomap::local_adjustment<map_type, Policy> adjustment_;
+  turbomap::local_adjustment_summary adjusted_;
+  turbomap::guard_times held_;  ///< by adjustments
+  match_judge<map_type, Policy> judge_;
+  turbomap::local_mapper<map_type, Policy> mapper_;
+  replay_result result_;
+  std::vector<turbomap::keypoint> keypoints_;
+  double clock_ms_ = 0, began_ = 0;
+  std::int32_t query_ = 0;
+};
+
+}  // namespace turbomap_replay

@@ -1,0 +1,101 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+// Recorded local bundle adjustments: their costs and outliers, recomputed by the oracle, are those of the peer; and ours end
+// where the peer's did.
+
+#include <turbomap/io/recording.hpp>
+#include "readers/recording_snapshot_adjustment.hpp"
+
+#include <thrust/execution_policy.h>
+#include <thrust/system/omp/execution_policy.h>
+#include <thrust/system/tbb/execution_policy.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "reference/reprojection_cost.hpp"
+#include "support/support.hpp"
+#include "tests/recorded_adjustment_cases.hpp"
+
+namespace {
+
+using namespace turbomap_test;
+
+std::vector<cost_camera> rig_of(const turbomap::recording_meta& m) {
+  const auto camera = [&](const std::vector<double>& p) {
+    cost_camera c;
+    c.fx = p[0], c.fy = p[1], c.cx = p[2], c.cy = p[3];
+    c.fisheye = m.is_fisheye();
+    for (std::size_t i = 4; i < p.size(); ++i) c.k[i - 4] = p[i];
+    return c;
+  };
+  std::vector<cost_camera> rig{camera(m.camera1)};
+  if (m.camera2.empty()) {
+    rig[0].bf = m.bf;
+    return rig;
+  }
+  rig.push_back(camera(m.camera2));
+  const auto T = turbomap::cast<double>(m.T_rl);
+  rotation_matrix(T, rig[1].R);
+  rig[1].t[0] = T.tx, rig[1].t[1] = T.ty, rig[1].t[2] = T.tz;
+  return rig;
+}
+
+double huber_sum(const std::vector<observation_cost>& costs) {
+  double sum = 0;
+  for (const auto& o : costs) sum += o.robust;
+  return sum;
+}
+
+TEST_CASE("recorded costs and outliers are those of the recorded poses and points") {
+  for (const char* name : {"euroc_v102_stereo", "euroc_v102_inertial", "tum_room1_stereo", "tum_room1_inertial"}) {
+    const auto directory = data(std::string("recordings/") + name);
+    if (!directory) return;
+    const auto r = turbomap::read_recording(*directory);
+    const auto rig = rig_of(r.meta);
+    int visual = 0;
+    for (const auto iteration : r.meta.snapshots) {
+      CAPTURE(std::string(name));
+      CAPTURE(iteration);
+      const auto s = turbomap::read_adjustment_snapshot(r, *directory, iteration);
+      REQUIRE(s.has_value());
+      if (s->inertial) continue;
+      ++visual;
+      auto d = turbomap::problem_of(*s);
+      const double before = huber_sum(observation_costs(d, rig, 5.991, 7.815));
+      CHECK(std::abs(before - s->robust_cost_before) < 1e-6 * s->robust_cost_before);
+
+      for (std::size_t i = 0; i < d.T_cw.size(); ++i) d.T_cw[i] = turbomap::cast<double>(s->T_cw_after[i]);
+      d.points = s->position_after_exact;
+      const auto after = observation_costs(d, rig, 5.991, 7.815);
+      CHECK(std::abs(huber_sum(after) - s->robust_cost_after) < 1e-6 * s->robust_cost_after);
+      std::size_t differ = 0;
+      for (std::size_t i = 0; i < after.size(); ++i) {
+        const bool stereo = s->kind[i] == turbomap::recorded_residual::stereo;
+        const bool outlier = s->chi2_after[i] > (stereo ? 7.815 : 5.991) || s->depth_positive[i] == 0;
+        CHECK(outlier == (s->outlier[i] != 0));
+        differ += (after[i].chi2 > (stereo ? 7.815 : 5.991) || !(after[i].depth > 0)) != (s->outlier[i] != 0) ? 1 : 0;
+      }
+      CHECK(differ == 0);
+    }
+    CHECK(visual > 0);
+  }
+}
+
+TEST_CASE("recorded problems are adjusted as well as by the peer") {
+  using turbomap::precision;
+  for_each_recording([](auto camera, const turbomap::recording& r, const std::filesystem::path& directory) {
+    using model = decltype(camera);
+    check_as_good_as_peer<model>(r, directory, thrust::seq, precision::float64);
+    check_as_good_as_peer<model>(r, directory, thrust::seq, precision::mixed);
+    check_as_good_as_peer<model>(r, directory, thrust::omp::par, precision::float64);
+    check_as_good_as_peer<model>(r, directory, thrust::tbb::par, precision::float64);
+  });
+}
+
+}  // namespace

@@ -1,0 +1,376 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+// Simulated recordings: their statistics are those asked for, their geometry agrees with the truth written beside them.
+
+#include "simulation/calibration_file.hpp"
+#include "simulation/simulate.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <map>
+#include <set>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "support/files.hpp"
+
+namespace sim = turbomap::simulation;
+using turbomap::recording;
+
+namespace {
+
+recording simulated(const sim::simulated_rig& rig, int keyframes, bool imu = false, std::uint64_t seed = 1) {
+  sim::simulation_options options;
+  options.motion.most_keyframes = keyframes, options.imu = imu, options.seed = seed;
+  return sim::simulate(sim::builtin_trajectory(rig.cameras[0].T_bc), rig, options);
+}
+const recording& euroc() {
+  static const recording r = simulated(sim::euroc_rig(), 16);
+  return r;
+}
+const recording& tum_vi() {
+  static const recording r = simulated(sim::tum_vi_rig(), 10, true);
+  return r;
+}
+
+double median(std::vector<double> v) {
+  REQUIRE_FALSE(v.empty());
+  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
+  return v[v.size() / 2];
+}
+double mean(const std::vector<double>& v) {
+  REQUIRE_FALSE(v.empty());
+  double sum = 0;
+  for (const double x : v) sum += x;
+  return sum / static_cast<double>(v.size());
+}
+
+Eigen::Isometry3d isometry(const turbomap::rigid_transform<float>& T) {
+  Eigen::Isometry3d I = Eigen::Isometry3d::Identity();
+  I.linear() = Eigen::Quaterniond(T.qw, T.qx, T.qy, T.qz).normalized().toRotationMatrix();
+  I.translation() << T.tx, T.ty, T.tz;
+  return I;
+}
+Eigen::Vector3d vector(const turbomap::vec3<float>& v) { return {v.x, v.y, v.z}; }
+
+struct view_pair {
+  std::size_t row1, row2;
+};
+/// Left keypoints of keyframes i and j that show the same scene point.
+std::vector<view_pair> same_points(const recording& r, std::size_t i, std::size_t j) {
+  std::map<std::int32_t, std::size_t> first;
+  const auto left = [&](std::size_t k) {
+    return r.keypoints(k).begin + (r.nleft[k] < 0 ? r.keypoints(k).size() : static_cast<std::size_t>(r.nleft[k]));
+  };
+  for (std::size_t row = r.keypoints(i).begin; row < left(i); ++row)
+    if (r.sim_point_id[row] >= 0) first[r.sim_point_id[row]] = row;
+  std::vector<view_pair> pairs;
+  for (std::size_t row = r.keypoints(j).begin; row < left(j); ++row)
+    if (first.count(r.sim_point_id[row]) != 0) pairs.push_back({first[r.sim_point_id[row]], row});
+  return pairs;
+}
+
+}  // namespace
+
+TEST_CASE("random numbers are the same everywhere") {
+  sim::random_stream random(7, sim::purpose::scene_points, 1, 2, 3);
+  CHECK(random.next() == 0xFE25D3599728F8E5u);
+  CHECK(random.next() == 0xBAF4B1D7DC1E2E53u);
+  std::vector<double> values, squares;
+  for (int i = 0; i < 20000; ++i) values.push_back(random.normal()), squares.push_back(values.back() * values.back());
+  CHECK(std::abs(mean(values)) < 0.03);
+  CHECK(mean(squares) == doctest::Approx(1).epsilon(0.04));
+}
+
+TEST_CASE("the same seed gives the same recording, another one another") {
+  const auto a = simulated(sim::euroc_rig(), 3), b = simulated(sim::euroc_rig(), 3),
+             c = simulated(sim::euroc_rig(), 3, false, 2);
+  CHECK((a.kp_desc == b.kp_desc));
+  CHECK(std::memcmp(a.kp_xy.data(), b.kp_xy.data(), a.kp_xy.size() * sizeof(a.kp_xy[0])) == 0);
+  CHECK_FALSE((a.kp_desc == c.kp_desc));
+}
+
+TEST_CASE("the motion's derivatives are those of its poses") {
+  const sim::motion_spline motion(sim::builtin_trajectory(sim::euroc_rig().cameras[0].T_bc), 0.1);
+  for (std::int64_t t = motion.begin_ns() + 10000000; t < motion.end_ns() - 10000000; t += 777777777) {
+    const std::int64_t h = 10000;
+    const auto before = motion.at(t - h), now = motion.at(t), after = motion.at(t + h);
+    const double dt = 2e-9 * static_cast<double>(h);
+    CHECK(((after.p_wb - before.p_wb) / dt - now.velocity).norm() < 1e-5);
+    CHECK(((after.velocity - before.velocity) / dt - now.acceleration).norm() < 1e-3);
+    CHECK((sim::log_so3(before.R_wb.conjugate() * after.R_wb) / dt - now.angular_velocity).norm() < 1e-5);
+  }
+  CHECK_THROWS_AS(sim::motion_spline({{0, {}}, {100, {}}}, 0.1), std::invalid_argument);
+}
+
+TEST_CASE("descriptors: the same point at 38, different ones at 119") {
+  const recording& r = euroc();
+  std::vector<double> same, same_group, different, without_group;
+  for (std::size_t i = 0; i + 2 < r.keyframe_count(); ++i)
+    for (const auto [a, b] : same_points(r, i, i + 2)) {
+      same.push_back(sim::hamming(r.kp_desc[a], r.kp_desc[b]));
+      same_group.push_back(r.kp_node[a] == r.kp_node[b]);
+    }
+  for (std::size_t a = 0; a + 7919 < r.kp_desc.size(); a += 3)
+    if (r.sim_point_id[a] != r.sim_point_id[a + 7919])
+      different.push_back(sim::hamming(r.kp_desc[a], r.kp_desc[a + 7919]));
+  for (const auto node : r.kp_node) without_group.push_back(node == turbomap::keypoint::no_group);
+  CHECK(median(same) >= 36);
+  CHECK(median(same) <= 40);
+  CHECK(std::abs(mean(different) - 119) <= 3);
+  CHECK(mean(same_group) > 0.55);
+  CHECK(std::abs(mean(without_group) - 0.09) < 0.03);
+  MESSAGE("same point: median " << median(same) << ", in the same group " << mean(same_group)
+                                << "; different points: mean " << mean(different) << "; without a group "
+                                << mean(without_group));
+}
+
+TEST_CASE("keypoints are spread over octaves and images as an extractor's") {
+  for (const recording* r : {&euroc(), &tum_vi()}) {
+    const double cameras = r->meta.camera2.empty() ? 1 : 2, features = r->meta.is_fisheye() ? 1000 : 1200;
+    std::vector<double> octaves(8, 0.0);
+    for (const auto o : r->kp_octave) octaves[o] += 1.0 / static_cast<double>(r->kp_octave.size());
+    double expected = (1 - 1 / 1.2) / (1 - std::pow(1.2, -8));
+    for (int o = 0; o < 8; ++o, expected /= 1.2)
+      CHECK(octaves[static_cast<std::size_t>(o)] == doctest::Approx(expected).epsilon(0.05));
+    for (std::size_t i = 0; i < r->keyframe_count(); ++i)
+      CHECK(std::abs(static_cast<double>(r->keypoints(i).size()) - cameras * features) < cameras * 90);
+    for (const auto& p : r->kp_xy) {
+      CHECK((p.x >= 19 && p.x <= static_cast<float>(r->meta.width) - 20));
+      CHECK((p.y >= 19 && p.y <= static_cast<float>(r->meta.height) - 20));
+    }
+    std::vector<double> clutter;
+    for (const auto p : r->sim_point_id) clutter.push_back(p < 0);
+    CHECK(mean(clutter) > 0.15);
+    CHECK(mean(clutter) < 0.5);
+  }
+}
+
+TEST_CASE("keypoints lie where the true pose projects their points, up to the noise") {
+  const auto rigs = {sim::euroc_rig(), sim::tum_vi_rig()};
+  const recording* recordings[] = {&euroc(), &tum_vi()};
+  std::size_t which = 0;
+  for (const sim::simulated_rig& rig : rigs) {
+    const recording& r = *recordings[which++];
+    std::vector<double> errors, stereo;
+    for (std::size_t i = 0; i < r.keyframe_count(); ++i) {
+      const auto keypoints = r.gather_keypoints(i);
+      for (std::size_t k = 0; k < keypoints.size(); ++k) {
+        const auto point = r.sim_point_id[r.keypoints(i).begin + k];
+        if (point < 0) continue;
+        Eigen::Isometry3d T = isometry(r.sim_T_cw_true[i]);
+        if (keypoints[k].camera == 1) T = isometry(r.meta.T_rl) * T;
+        const Eigen::Vector3d x = T * vector(r.sim_point_xyz[static_cast<std::size_t>(point)]);
+        Eigen::Vector2d pixel;
+        REQUIRE(rig.cameras[keypoints[k].camera].project(x, pixel));
+        const double sigma = std::pow(1.2, keypoints[k].octave);
+        errors.push_back(std::pow((keypoints[k].x - pixel.x()) / sigma, 2));
+        errors.push_back(std::pow((keypoints[k].y - pixel.y()) / sigma, 2));
+        if (keypoints[k].u_right >= 0)
+          stereo.push_back(std::pow((keypoints[k].u_right - pixel.x() + r.meta.bf / x.z()) / sigma, 2));
+      }
+    }
+    CHECK(mean(errors) == doctest::Approx(1).epsilon(0.03));
+    CHECK(stereo.empty() == r.meta.is_fisheye());
+    if (!stereo.empty()) CHECK(mean(stereo) == doctest::Approx(1).epsilon(0.06));
+  }
+}
+
+TEST_CASE("true matches satisfy the epipolar constraint up to the noise") {
+  const recording& r = euroc();
+  Eigen::Matrix3d K = Eigen::Matrix3d::Identity();
+  K(0, 0) = r.meta.camera1[0], K(1, 1) = r.meta.camera1[1], K(0, 2) = r.meta.camera1[2], K(1, 2) = r.meta.camera1[3];
+  std::vector<double> errors;
+  for (std::size_t i = 0; i + 1 < r.keyframe_count(); ++i) {
+    const Eigen::Isometry3d T = isometry(r.sim_T_cw_true[i + 1]) * isometry(r.sim_T_cw_true[i]).inverse();
+    Eigen::Matrix3d skew;
+    skew << 0, -T(2, 3), T(1, 3), T(2, 3), 0, -T(0, 3), -T(1, 3), T(0, 3), 0;
+    const Eigen::Matrix3d F = K.inverse().transpose() * skew * T.linear() * K.inverse();
+    for (const auto [a, b] : same_points(r, i, i + 1)) {
+      const Eigen::Vector3d x1(r.kp_xy[a].x, r.kp_xy[a].y, 1), x2(r.kp_xy[b].x, r.kp_xy[b].y, 1);
+      const Eigen::Vector3d l2 = F * x1, l1 = F.transpose() * x2;
+      const double variance = std::pow(1.44, r.kp_octave[b]) * l2.head<2>().squaredNorm() +
+                              std::pow(1.44, r.kp_octave[a]) * l1.head<2>().squaredNorm();
+      errors.push_back(std::pow(x2.dot(l2), 2) / variance);
+    }
+  }
+  CHECK(errors.size() > 1000);
+  CHECK(mean(errors) == doctest::Approx(1).epsilon(0.1));  // chi-square, one degree of freedom
+}
+
+TEST_CASE("orientations turn with the camera") {
+  const recording& r = euroc();
+  std::vector<double> turns;
+  for (std::size_t i = 0; i + 1 < r.keyframe_count(); ++i)
+    for (const auto [a, b] : same_points(r, i, i + 1))
+      turns.push_back(std::abs(std::remainder(r.kp_angle[a] - r.kp_angle[b], 360.0)));
+  CHECK(median(turns) > 3);
+  CHECK(median(turns) < 15);
+}
+
+TEST_CASE("boxes hide what is behind them") {
+  const std::vector<Eigen::Vector3d> path{{0, 0, 0}, {1, 0, 0}, {2, 1, 0}, {0, 2, 0.5}};
+  const sim::scene scene(path, {}, 3);
+  REQUIRE(scene.boxes().size() >= 4);
+  for (const auto& box : scene.boxes()) {
+    for (const auto& p : path) CHECK(box.exteriorDistance(p) >= 0.5);
+    const Eigen::Vector3d middle = box.center(), behind = middle + 2 * (middle - path[0]).normalized();
+    CHECK_FALSE(scene.visible(path[0], behind));
+    CHECK_FALSE(scene.visible(behind, path[0]));
+  }
+  // Against a march along the ray, an independent way to find out.
+  std::size_t hidden = 0, shown = 0;
+  for (std::uint64_t i = 0; i < 600; ++i) {
+    const sim::scene_point p = scene.point(i, 1.2, 8);
+    const Eigen::Vector3d centre = path[i % path.size()];
+    if (p.normal.dot(centre - p.position) <= 0.05) continue;
+    bool blocked = false;
+    double closest = 1;
+    for (int s = 0; s < 2000; ++s) {
+      const Eigen::Vector3d x = centre + (s / 2000.0) * (p.position - centre);
+      for (const auto& box : scene.boxes()) {
+        blocked = blocked || box.contains(x);
+        closest = s < 1990 && !box.contains(x) ? std::min(closest, box.exteriorDistance(x)) : closest;
+      }
+    }
+    if (!blocked && closest < 0.01) continue;  // grazes an edge: the march may step over it
+    CHECK(scene.visible(centre, p.position) == !blocked);
+    (blocked ? hidden : shown) += 1;
+  }
+  CHECK(hidden > 20);
+  CHECK(shown > 100);
+}
+
+TEST_CASE("associations are those of a map: true, mostly old, with some duplicates") {
+  for (const recording* r : {&euroc(), &tum_vi()}) {
+    std::size_t old = 0;
+    for (std::size_t i = 0; i < r->keyframe_count(); ++i)
+      for (std::size_t a = r->associations(i).begin; a < r->associations(i).end; ++a) {
+        const std::size_t row = r->keypoints(i).begin + static_cast<std::size_t>(r->assoc_kp[a]);
+        for (const auto ref : {r->assoc_ref[a], r->assoc_ref2[a]}) {
+          const std::size_t at =
+              r->keypoints(static_cast<std::size_t>(ref.keyframe)).begin + static_cast<std::size_t>(ref.keypoint);
+          CHECK(r->sim_point_id[at] == r->sim_point_id[row]);
+          CHECK(r->sim_track_id[at] == r->sim_track_id[row]);
+          if (r->assoc_new[a] == 0) CHECK(ref.keyframe < static_cast<std::int32_t>(i));
+        }
+        CHECK(r->assoc_ref2[a].keyframe <= r->assoc_ref[a].keyframe);
+        old += r->assoc_new[a] == 0;
+      }
+    const double share = static_cast<double>(r->assoc_kp.size()) / static_cast<double>(r->kp_xy.size());
+    CHECK(share > 0.35);  // a map begins with few
+    CHECK(share < 0.7);
+    CHECK(old > r->assoc_kp.size() / 4);
+    for (std::size_t k = 0; k < r->recent_found.size(); ++k) CHECK(r->recent_found[k] <= r->recent_visible[k]);
+  }
+  std::map<std::int32_t, std::set<std::int32_t>> tracks;
+  for (std::size_t row = 0; row < euroc().sim_point_id.size(); ++row)
+    if (euroc().sim_point_id[row] >= 0 && euroc().sim_track_id[row] >= 0)
+      tracks[euroc().sim_point_id[row]].insert(euroc().sim_track_id[row]);
+  const auto duplicates =
+      std::count_if(tracks.begin(), tracks.end(), [](const auto& t) { return t.second.size() > 1; });
+  CHECK(duplicates > 20);
+  CHECK(duplicates < static_cast<std::ptrdiff_t>(tracks.size() / 4));
+}
+
+TEST_CASE("recorded poses drift away from the truth, slowly") {
+  const recording& r = euroc();
+  double distance = 0;
+  for (std::size_t i = 1; i < r.keyframe_count(); ++i)
+    distance += (isometry(r.sim_T_cw_true[i]).inverse().translation() -
+                 isometry(r.sim_T_cw_true[i - 1]).inverse().translation())
+                    .norm();
+  const double error =
+      (isometry(r.T_cw.back()).inverse().translation() - isometry(r.sim_T_cw_true.back()).inverse().translation())
+          .norm();
+  CHECK(distance > 2);
+  CHECK(error > 1e-5 * distance);
+  CHECK(error < 1e-2 * distance);
+  CHECK((isometry(r.T_cw[0]).matrix() - isometry(r.sim_T_cw_true[0]).matrix()).norm() < 1e-6);
+}
+
+TEST_CASE("a fisheye pair: partners show the same point, in the other image") {
+  const recording& r = tum_vi();
+  std::size_t partners = 0;
+  for (std::size_t i = 0; i < r.keyframe_count(); ++i)
+    for (std::size_t row = r.keypoints(i).begin; row < r.keypoints(i).end; ++row) {
+      if (r.kp_lrmatch[row] < 0) continue;
+      const std::size_t other = r.keypoints(i).begin + static_cast<std::size_t>(r.kp_lrmatch[row]);
+      CHECK(r.keypoints(i).begin + static_cast<std::size_t>(r.kp_lrmatch[other]) == row);
+      CHECK(r.sim_point_id[row] == r.sim_point_id[other]);
+      const auto left = r.keypoints(i).begin + static_cast<std::size_t>(r.nleft[i]);
+      CHECK((row < left) != (other < left));
+      ++partners;
+    }
+  CHECK(partners > r.kp_xy.size() / 8);
+  CHECK(*std::max_element(r.kp_uright.begin(), r.kp_uright.end()) == -1);
+}
+
+TEST_CASE("a monocular recording has no depth, and starts with points of two views") {
+  const recording r = simulated(sim::monocular(sim::euroc_rig()), 6);
+  CHECK(r.meta.sensor == "monocular");
+  CHECK(r.meta.bf == 0);
+  CHECK(*std::max_element(r.kp_uright.begin(), r.kp_uright.end()) == -1);
+  CHECK(*std::max_element(r.kp_depth.begin(), r.kp_depth.end()) == -1);
+  const auto first = r.associations(0);
+  CHECK(first.size() > 50);
+  for (std::size_t a = 0; a < r.assoc_new.size(); ++a) CHECK(static_cast<bool>(r.assoc_new[a]) == (a < first.end));
+  CHECK(r.associations(1).size() > 30);
+}
+
+TEST_CASE("inertial data integrate to the motion") {
+  const recording& r = tum_vi();
+  REQUIRE(r.has_imu());
+  const auto start =
+      static_cast<std::size_t>(std::lower_bound(r.imu_t_ns.begin(), r.imu_t_ns.end(), r.t_ns[1]) - r.imu_t_ns.begin());
+  const auto end =
+      static_cast<std::size_t>(std::lower_bound(r.imu_t_ns.begin(), r.imu_t_ns.end(), r.t_ns[6]) - r.imu_t_ns.begin());
+  CHECK(r.imu_t_ns[start] == r.t_ns[1]);
+  const Eigen::Isometry3d T_bc = isometry(r.meta.T_bc);
+  const auto body = [&](std::size_t i) { return isometry(r.sim_T_cw_true[i]).inverse() * T_bc.inverse(); };
+  Eigen::Quaterniond R(body(1).linear());
+  Eigen::Vector3d v = vector(r.velocity[1]);
+  const double dt = 1.0 / 200;
+  for (std::size_t s = start; s < end; ++s) {
+    const auto &a = r.imu[s], &b = r.imu[s + 1];  // midpoints
+    const Eigen::Vector3d w(0.5 * (a.gyro.x + b.gyro.x), 0.5 * (a.gyro.y + b.gyro.y), 0.5 * (a.gyro.z + b.gyro.z));
+    const Eigen::Vector3d f(0.5 * (a.acceleration.x + b.acceleration.x), 0.5 * (a.acceleration.y + b.acceleration.y),
+                            0.5 * (a.acceleration.z + b.acceleration.z));
+    const Eigen::Quaterniond half = R * sim::exp_so3(w * (dt / 2));
+    v += dt * (half * f - Eigen::Vector3d(0, 0, 9.81));
+    R = R * sim::exp_so3(w * dt);
+  }
+  CHECK(R.angularDistance(Eigen::Quaterniond(body(6).linear())) < 5e-3);
+  CHECK((v - vector(r.velocity[6])).norm() < 0.03);
+}
+
+TEST_CASE("a calibration file gives a rig, or is refused by name") {
+  const turbomap_test::temporary_directory folder;
+  const std::string T =
+      "  T_cam_imu: #rows\n    - [1.0, 0, 0, 0.05]\n    - [0, 1.0, 0, 0]\n    - [0, 0, 1.0, 0]\n    - [0.0, 0.0, 0.0, "
+      "1.0]\n";
+  const std::string right =
+      "  T_cam_imu:\n    - [1.0, 0, 0, -0.15]\n    - [0, 1.0, 0, 0]\n    - [0, 0, 1.0, 0]\n    - [0, 0, 0, 1]\n";
+  const std::string lens = "  distortion_coeffs: [1e-3, 0.2e-3,0,0]\n  distortion_model: equidistant\n";
+  const std::string rest = "  intrinsics: [190, 191, 255, 256] #fu, fv, cu, cv\n  resolution: [512, 512]\n";
+  const auto rig = [&](const std::string& text) {
+    turbomap_test::write_bytes(folder / "c.yaml", "%YAML:1.0\n\n" + text);
+    return sim::read_rig(folder / "c.yaml");
+  };
+  const auto pair = rig("cam0:\n" + T + lens + rest + "cam1:\n" + right + lens + rest);
+  REQUIRE(pair.cameras.size() == 2);
+  CHECK(pair.baseline == doctest::Approx(0.2));
+  CHECK(pair.cameras[0].parameters() == std::vector<double>{190, 191, 255, 256, 1e-3, 0.2e-3, 0, 0});
+  CHECK(pair.cameras[0].T_bc.translation().x() == doctest::Approx(-0.05));
+  const auto stereo = rig("cam0:\n" + T + rest + "cam1:\n" + right + rest);
+  CHECK(stereo.rectified());
+  CHECK(rig("cam0:\n" + T + rest).baseline == 0);
+  const auto error = [&](const std::string& text) { return turbomap_test::bad_file_message([&] { rig(text); }); };
+  CHECK(turbomap_test::has(error("cam1:\n" + T + rest), "there is no cam0"));
+  CHECK(turbomap_test::has(error("cam0:\n" + T), "cam0: intrinsics needs 4 numbers"));
+  CHECK(turbomap_test::has(error("cam0:\n" + rest), "cam0: T_imu_cam needs 16"));
+  CHECK(turbomap_test::has(error("cam0:\n" + T + rest + "  distortion_model: spline\n"), "'spline'"));
+}
