@@ -103,7 +103,7 @@ class local_mapper {
 
   /// Normals and distance ranges of points whose position was changed, e.g. in the adjust hook.
   void update_geometry(span<const point> points) {
-    map_point_update_options options;
+    appearance_options options;
     options.scales = options_.fusion.search.scales;
     options.descriptors = false;
     appearance_(ctx_, map_, store_, stored_, points, options, report_.held[mapping_stage::adjustment]);
@@ -152,7 +152,7 @@ class local_mapper {
     budget_.left_out(p);
   }
   void update(span<const point> points, guard_times& held) {
-    map_point_update_options options;
+    appearance_options options;
     options.scales = options_.fusion.search.scales;
     report_.points_updated += appearance_(ctx_, map_, store_, stored_, points, options, held);
   }

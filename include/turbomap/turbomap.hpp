@@ -14,7 +14,7 @@
 #include "adjustment/options.hpp"
 #include "adjustment/problem.hpp"
 #include "adjustment/robust.hpp"
-#include "appearance/map_point_update.hpp"
+#include "appearance/update_appearance.hpp"
 #include "array.hpp"
 #include "camera/any_camera.hpp"
 #include "camera/brown_conrady.hpp"

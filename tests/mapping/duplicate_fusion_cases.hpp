@@ -148,7 +148,7 @@ void check_fusion(const Policy& policy, const test_rig<Camera>& rig, const mappi
   auto summary = fusion.forward(run.ctx, run.map, run.store, run.mapper.stored(), query, span, options, held);
   summary += fusion.backward(run.ctx, run.map, run.store, run.mapper.stored(), query, span, options, held);
   turbomap::appearance_update<mapped<Camera>, Policy> update(run.ctx);
-  turbomap::map_point_update_options appearance;
+  turbomap::appearance_options appearance;
   appearance.scales = recipe.scales;
   const std::size_t updated =
       update(run.ctx, run.map, run.store, run.mapper.stored(), fusion.touched(), appearance, held);

@@ -34,7 +34,7 @@ struct stale_map {
   mapping_scene<Camera> scene;
   mapping_run<Map, Policy> run;
   turbomap::appearance_update<Map, Policy> update{run.ctx};
-  turbomap::map_point_update_options options;
+  turbomap::appearance_options options;
   turbomap::guard_times held;
   std::vector<map_point_id> points;
 

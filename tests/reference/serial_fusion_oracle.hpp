@@ -15,9 +15,9 @@
 #include <utility>
 #include <vector>
 
+#include "appearance_oracle.hpp"
 #include "duplicate_oracle.hpp"
 #include "map_oracle.hpp"
-#include "map_point_update_oracle.hpp"
 
 namespace turbomap_test {
 
@@ -83,10 +83,10 @@ class serial_fusion_oracle {
       const std::int32_t reference =
           number.at(point.reference && observers.count(*point.reference) != 0 ? *point.reference : *observers.begin());
       auto& mine = appearance.at(p);
-      turbomap::map_point_update_options options;
+      turbomap::appearance_options options;
       options.scales = scales;
-      const auto updated = map_point_update_oracle<Descriptor, Camera>(
-          {1, &mine.position, offset, seen.data(), &reference}, all, options)[0];
+      const auto updated =
+          appearance_oracle<Descriptor, Camera>({1, &mine.position, offset, seen.data(), &reference}, all, options)[0];
       const auto& medoid = seen[static_cast<std::size_t>(updated.medoid)];
       const auto* d = all[static_cast<std::size_t>(medoid.keyframe)].view.descriptor_of(medoid.keypoint);
       mine.descriptor.assign(d, d + Descriptor::elements);

@@ -64,7 +64,7 @@ class map_scene {
   std::vector<keyframe> keyframes;
   std::map<std::uint64_t, point> points;  ///< by id
   turbomap_test::serial_fusion_oracle<orb, fisheye> oracle;
-  turbomap::map_point_update_options update;
+  turbomap::appearance_options update;
   turbomap::appearance_update<map_type, Policy> appearance;
 
  private:

@@ -18,8 +18,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "reference/appearance_oracle.hpp"
 #include "reference/culling_oracle.hpp"
-#include "reference/map_point_update_oracle.hpp"
 
 #include <turbomap/map/neighbourhood.hpp>
 #include <turbomap/mapping/duplicate_fusion.hpp>
@@ -123,7 +123,7 @@ nlohmann::json time_map_update(map_scene<Policy>& scene, int repetitions, double
   };
   std::vector<posed> keyframes;  // all are alive: their ids are their numbers
   for (const auto& [unused_id, k] : scene.oracle.keyframes) keyframes.push_back(k);
-  std::vector<turbomap::updated_map_point> expected;
+  std::vector<turbomap::point_appearance> expected;
   const auto oracle = [&] {
     std::vector<turbomap::vec3<double>> positions;
     std::vector<std::int32_t> offsets{0}, references;
@@ -135,9 +135,9 @@ nlohmann::json time_map_update(map_scene<Policy>& scene, int repetitions, double
       for (const auto& [k, i] : p.views) views.push_back({static_cast<std::int32_t>(k), static_cast<std::int32_t>(i)});
       offsets.push_back(static_cast<std::int32_t>(views.size()));
     }
-    const turbomap::map_point_update_view view{static_cast<int>(ids.size()), positions.data(), offsets.data(),
-                                               views.data(), references.data()};
-    expected = turbomap_test::map_point_update_oracle(view, keyframes, scene.update);
+    const turbomap::appearance_view view{static_cast<int>(ids.size()), positions.data(), offsets.data(), views.data(),
+                                         references.data()};
+    expected = turbomap_test::appearance_oracle(view, keyframes, scene.update);
   };
   ours();
   oracle();

@@ -80,7 +80,7 @@ class landmark_map {
 
   /// Medoids and normals of points from the observations that the map has.
   void update_appearance(const std::vector<map_point_id>& points) {
-    map_point_update_options options;
+    appearance_options options;
     options.scales.levels = 1;
     guard_times unused;
     appearance_(ctx, map, store, stored, span<const map_point_id>(points), options, unused);

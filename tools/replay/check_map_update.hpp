@@ -14,7 +14,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include <turbomap/appearance/map_point_update.hpp>
+#include <turbomap/appearance/update_appearance.hpp>
 #include <turbomap/map/covisibility.hpp>
 
 #include "recorded_scene.hpp"
@@ -154,16 +154,16 @@ class map_update_check {
       offset.push_back(static_cast<std::int32_t>(observations.size()));
       position.push_back(turbomap::cast<double>(u.position[i]));
     }
-    turbomap::map_point_update_view view;
+    turbomap::appearance_view view;
     view.count = static_cast<int>(position.size());
     view.position = position.data();
     view.observation_offset = offset.data();
     view.observations = observations.data();
     view.reference = u.reference.data();
-    turbomap::map_point_update_options options;
+    turbomap::appearance_options options;
     options.scales = scene_.recording.meta.pyramid();
     options.geometry = geometry, options.descriptors = !geometry;
-    turbomap::update_map_points(scene_.ctx, view, turbomap::span<const posed>(keyframes_), options, updates_);
+    turbomap::update_appearance(scene_.ctx, view, turbomap::span<const posed>(keyframes_), options, updates_);
     updates_.plan(scene_.ctx, result_, descriptors_);
   }
 
@@ -201,9 +201,9 @@ class map_update_check {
   }
 
   recorded_scene<Camera, Policy>& scene_;
-  turbomap::map_point_updates<orb, Camera, Policy> updates_;
+  turbomap::appearances<orb, Camera, Policy> updates_;
   std::vector<posed> keyframes_;
-  std::vector<turbomap::updated_map_point> result_;
+  std::vector<turbomap::point_appearance> result_;
   std::vector<orb::element> descriptors_;
   std::size_t points_ = 0, descriptor_agree_ = 0, normal_range_agree_ = 0, covisibility_agree_ = 0;
   std::size_t covisible_ = 0, covisible_agree_ = 0;

@@ -11,7 +11,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "../appearance/map_point_update.hpp"
+#include "../appearance/update_appearance.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../map/map_traits.hpp"
@@ -24,7 +24,7 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// update_map_points() on a user's map. Make one and use it again: its memory is reused.
+/// update_appearance() on a user's map. Make one and use it again: its memory is reused.
 template <class Map, class Policy>
 class appearance_update {
  public:
@@ -44,7 +44,7 @@ class appearance_update {
   ///         not finite. No point is changed
   /// A point whose position or observations change meanwhile keeps what fits the snapshot; whoever changed it updates it.
   std::size_t operator()(context<Policy>& ctx, Map& map, store_type& store, const handle_table& stored,
-                         span<const point> points, const map_point_update_options& options, guard_times& held) {
+                         span<const point> points, const appearance_options& options, guard_times& held) {
     {
       const timed_guard<Map> guard(map, held);
       gather(map, stored, points);
@@ -53,15 +53,15 @@ class appearance_update {
     const auto pinned = store.pin(ctx, span<const keyframe_handle>(observers_.handles()));
     posed_.clear();
     for (std::size_t k = 0; k < observers_.size(); ++k) posed_.push_back({pinned[k], observers_.T_cw()[k], {}});
-    const map_point_update_view view{static_cast<int>(points_.size()), positions_.data(), offsets_.data(),
-                                     observations_.data(), references_.data()};
-    update_map_points(ctx, view, span<const posed_keyframe<descriptor, camera>>(posed_), options, updates_);
+    const appearance_view view{static_cast<int>(points_.size()), positions_.data(), offsets_.data(),
+                               observations_.data(), references_.data()};
+    update_appearance(ctx, view, span<const posed_keyframe<descriptor, camera>>(posed_), options, updates_);
     updates_.plan(ctx, updated_, descriptors_);
     const timed_guard<Map> guard(map, held);
     for (std::size_t i = 0; i < points_.size(); ++i) {
       const point p = points_[i];
       if (!traits::alive(map, p)) continue;
-      updated_map_point& u = updated_[i];
+      point_appearance& u = updated_[i];
       if (!options.geometry)
         u.normal = traits::normal(map, p), u.min_distance = traits::min_distance(map, p),
         u.max_distance = traits::max_distance(map, p);
@@ -121,7 +121,7 @@ class appearance_update {
     }
   }
 
-  map_point_updates<descriptor, camera, Policy> updates_;
+  appearances<descriptor, camera, Policy> updates_;
   point_numbering<Map> seen_;
   keyframe_selection<Map> observers_;
   std::vector<view_of_point> views_;
@@ -130,7 +130,7 @@ class appearance_update {
   std::vector<std::int32_t> offsets_, references_;
   std::vector<point_observation> observations_;
   std::vector<posed_keyframe<descriptor, camera>> posed_;
-  std::vector<updated_map_point> updated_;
+  std::vector<point_appearance> updated_;
   std::vector<typename descriptor::element> descriptors_;
 };
 

@@ -99,7 +99,7 @@ class duplicate_fusion {
         }
         summary += search_and_commit(ctx, map, store, c, options, held);
         cameras = targets_.size() == 0 ? 1 : cameras_[0];
-        map_point_update_options update;
+        appearance_options update;
         update.geometry = false;  // normals and ranges at the end, with those of all touched points
         appearance_(ctx, map, store, stored,
                     span<const point>(commit_.survivors().data() + survivors, commit_.survivors().size() - survivors),

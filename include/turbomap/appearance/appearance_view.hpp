@@ -19,7 +19,7 @@ struct point_observation {
 };
 
 /// The points to be updated, in host memory; read during the call only.
-struct map_point_update_view {
+struct appearance_view {
   int count = 0;
   const vec3<double>* position = nullptr;            ///< count; world, m. Not needed without geometry
   const std::int32_t* observation_offset = nullptr;  ///< count + 1, from 0, ascending
@@ -29,15 +29,15 @@ struct map_point_update_view {
                                                      ///< geometry, nor read for a point without observations
 };
 
-/// Options of update_map_points().
-struct map_point_update_options {
+/// Options of update_appearance().
+struct appearance_options {
   pyramid scales;           ///< its distances follow the octave of the reference observation
   bool descriptors = true;  ///< choose representative descriptors
   bool geometry = true;     ///< compute normals and distance ranges
 };
 
 /// What a point is after its observations or its position have changed. Without observations everything is 0.
-struct updated_map_point {
+struct point_appearance {
   vec3<float> normal;  ///< mean of the unit rays from the centre of every observing camera to the point, as it comes:
                        ///< shorter than 1, the more the rays differ
   float min_distance;  ///< m from the camera at which the pyramid still sees the point: max_distance / s^(levels - 1)

@@ -5,7 +5,7 @@
 
 #include <thrust/system/cuda/execution_policy.h>
 
-#include "map_point_update_cases.hpp"
+#include "appearance_cases.hpp"
 #include "support/stream.cuh"
 
 namespace {

@@ -5,7 +5,7 @@
 /// \file
 /// The checks of the update of map points, for every execution policy, host or device.
 
-#include <turbomap/appearance/map_point_update.hpp>
+#include <turbomap/appearance/update_appearance.hpp>
 #include <turbomap/descriptor/binary.hpp>
 #include <turbomap/descriptor/real.hpp>
 
@@ -25,7 +25,7 @@
 
 #include <doctest/doctest.h>
 
-#include "reference/map_point_update_oracle.hpp"
+#include "reference/appearance_oracle.hpp"
 #include "scenes/keyframe_samples.hpp"
 #include "scenes/matching_scene.hpp"
 
@@ -40,7 +40,7 @@ struct observed_points {
   std::vector<std::int32_t> offset{0}, reference;
   std::vector<turbomap::point_observation> observations;
 
-  turbomap::map_point_update_view view() const {
+  turbomap::appearance_view view() const {
     return {static_cast<int>(position.size()), position.data(), offset.data(), observations.data(), reference.data()};
   }
   void add(const turbomap::vec3<double>& x, std::int32_t reference_keyframe,
@@ -76,7 +76,7 @@ observed_points observe_anything(const std::vector<turbomap::posed_keyframe<Desc
 /// What a call gives.
 template <class Descriptor>
 struct update_plan {
-  std::vector<turbomap::updated_map_point> points;
+  std::vector<turbomap::point_appearance> points;
   std::vector<typename Descriptor::element> descriptors;
 
   bool operator==(const update_plan& b) const {
@@ -86,15 +86,15 @@ struct update_plan {
     return same(points, b.points) && same(descriptors, b.descriptors);
   }
 };
-static_assert(sizeof(turbomap::updated_map_point) == 24, "no padding: compared by bytes");
+static_assert(sizeof(turbomap::point_appearance) == 24, "no padding: compared by bytes");
 
 template <class Policy, class Descriptor, class Camera>
 update_plan<Descriptor> update_under(const Policy& policy, const scene<Descriptor, Camera>& s,
-                                     const observed_points& points, const turbomap::map_point_update_options& options) {
+                                     const observed_points& points, const turbomap::appearance_options& options) {
   turbomap::context<Policy> ctx(policy);
   const resident_scene<Descriptor, Camera, Policy> keyframes(ctx, s);
-  turbomap::map_point_updates<Descriptor, Camera, Policy> updates(ctx);
-  turbomap::update_map_points(ctx, points.view(), keyframes.neighbours(), options, updates);
+  turbomap::appearances<Descriptor, Camera, Policy> updates(ctx);
+  turbomap::update_appearance(ctx, points.view(), keyframes.neighbours(), options, updates);
   update_plan<Descriptor> plan;
   updates.plan(ctx, plan.points, plan.descriptors);
   return plan;
@@ -117,11 +117,11 @@ void check_update(const Policy& policy, const test_rig<Camera>& rig, unsigned se
   const observed_points points = observe_anything(keyframes, seed);
   for (const auto [descriptors, geometry] :
        {std::array{true, true}, std::array{true, false}, std::array{false, true}}) {
-    turbomap::map_point_update_options options;
+    turbomap::appearance_options options;
     options.scales = s.scales(), options.descriptors = descriptors, options.geometry = geometry;
     const auto got = update_under(policy, s, points, options);
     if constexpr (!std::is_same_v<Policy, one_by_one>) CHECK(got == update_under(one_by_one{}, s, points, options));
-    const auto expected = map_point_update_oracle(points.view(), keyframes, options);
+    const auto expected = appearance_oracle(points.view(), keyframes, options);
     REQUIRE(got.points.size() == expected.size());
     REQUIRE(got.descriptors.size() == (descriptors ? expected.size() * Descriptor::elements : 0));
     for (std::size_t i = 0; i < expected.size(); ++i) {
@@ -170,7 +170,7 @@ struct known_scene {
       host->repack(f);
     }
   }
-  update_plan<orb_bits> update(const observed_points& points, turbomap::map_point_update_options options = {}) {
+  update_plan<orb_bits> update(const observed_points& points, turbomap::appearance_options options = {}) {
     return update_under(Policy{}, *host, points, options);
   }
   std::optional<scene<orb_bits, pinhole_camera>> host;
@@ -188,7 +188,7 @@ void check_known_points() {
   points.add({3, 0, 1}, 1, {{1, 3}, {1, 2}});                  // camera 1 only: the first says the octave
   const auto plan = s.update(points);
   const auto& p = plan.points;
-  const auto check = [](const turbomap::updated_map_point& u, double nx, double nz, double most, int medoid) {
+  const auto check = [](const turbomap::point_appearance& u, double nx, double nz, double most, int medoid) {
     CHECK(u.normal.x == doctest::Approx(nx).epsilon(1e-6));
     CHECK(u.normal.y == 0);
     CHECK(u.normal.z == doctest::Approx(nz).epsilon(1e-6));
@@ -227,12 +227,12 @@ void check_empty_updates() {
   CHECK(plan.points.empty());
   CHECK(plan.descriptors.empty());
   turbomap::context<Policy> ctx{Policy{}};
-  turbomap::map_point_updates<orb_bits, pinhole_camera, Policy> updates(ctx);
-  turbomap::update_map_points(ctx, {}, turbomap::span<const typename known_scene<Policy>::posed>(), {}, updates);
+  turbomap::appearances<orb_bits, pinhole_camera, Policy> updates(ctx);
+  turbomap::update_appearance(ctx, {}, turbomap::span<const typename known_scene<Policy>::posed>(), {}, updates);
   updates.plan(ctx, plan.points, plan.descriptors);
   CHECK(plan.points.empty());
   for (int i = 0; i < 3; ++i) points.add({0, 0, 1}, 0, {});
-  turbomap::update_map_points(ctx, points.view(), turbomap::span<const typename known_scene<Policy>::posed>(), {},
+  turbomap::update_appearance(ctx, points.view(), turbomap::span<const typename known_scene<Policy>::posed>(), {},
                               updates);
   updates.plan(ctx, plan.points, plan.descriptors);
   REQUIRE(plan.points.size() == 3);
@@ -259,7 +259,7 @@ void check_descriptors_of_nan() {
   points.add({0, 0, 1}, 0, {{0, 4}, {0, 5}, {0, 0}});                          // all medians are infinite
   points.add({0, 0, 1}, 0, {{0, 4}, {0, 5}, {0, 6}});
   const auto plan = update_under(Policy{}, s, points, {});
-  const auto expected = map_point_update_oracle(points.view(), s.neighbours(), {});
+  const auto expected = appearance_oracle(points.view(), s.neighbours(), {});
   for (std::size_t i = 0; i < 4; ++i) CHECK(plan.points[i].medoid == expected[i].medoid);
   CHECK(plan.points[0].medoid == 3);
   CHECK(plan.points[1].medoid == 0);
@@ -278,15 +278,15 @@ void check_update_arguments() {
   observed_points points;
   points.add({0, 0, 4}, 0, {{0, 1}});
   points.add({3, 0, 4}, 1, {{0, 0}, {2, 0}, {1, 3}});
-  turbomap::map_point_updates<orb_bits, pinhole_camera, Policy> updates(ctx);
-  turbomap::update_map_points(ctx, points.view(), turbomap::span<const posed>(good), {}, updates);
+  turbomap::appearances<orb_bits, pinhole_camera, Policy> updates(ctx);
+  turbomap::update_appearance(ctx, points.view(), turbomap::span<const posed>(good), {}, updates);
   update_plan<orb_bits> before, after;
   updates.plan(ctx, before.points, before.descriptors);
 
-  const auto message = [&](const turbomap::map_point_update_view& view, const std::vector<posed>& keyframes,
-                           const turbomap::map_point_update_options& options) {
+  const auto message = [&](const turbomap::appearance_view& view, const std::vector<posed>& keyframes,
+                           const turbomap::appearance_options& options) {
     try {
-      turbomap::update_map_points(ctx, view, turbomap::span<const posed>(keyframes), options, updates);
+      turbomap::update_appearance(ctx, view, turbomap::span<const posed>(keyframes), options, updates);
     } catch (const std::invalid_argument& e) {
       return std::string(e.what());
     }
@@ -334,7 +334,7 @@ void check_update_arguments() {
   refused_keyframe(".view.descriptor", [](auto& k) { k.view.descriptor = nullptr; });
   refused_keyframe(".view.keypoint_count = -1", [](auto& k) { k.view.keypoint_count = -1; });
   const auto refused_scales = [&](const std::string& name, const turbomap::pyramid& scales) {
-    turbomap::map_point_update_options options;
+    turbomap::appearance_options options;
     options.scales = scales;
     CHECK(message(points.view(), good, options).find(name) != std::string::npos);
   };
@@ -349,7 +349,7 @@ void check_update_arguments() {
   // What is not asked for need not be there.
   auto bare = points.view();
   bare.position = nullptr, bare.reference = nullptr;
-  turbomap::map_point_update_options only;
+  turbomap::appearance_options only;
   only.geometry = false;
   auto keyframes = good;
   keyframes[2].view.cameras = nullptr, keyframes[2].view.octave = nullptr;
@@ -370,8 +370,8 @@ void check_update_allocations(std::pmr::memory_resource* upstream) {
     scene<orb_bits, fisheye_camera> s(fisheye_rig(), {});
     const resident_scene<orb_bits, fisheye_camera, Policy> keyframes(ctx, s);
     const observed_points points = observe_anything(s.neighbours(), 3);
-    turbomap::map_point_updates<orb_bits, fisheye_camera, Policy> updates(ctx);
-    const auto round = [&] { turbomap::update_map_points(ctx, points.view(), keyframes.neighbours(), {}, updates); };
+    turbomap::appearances<orb_bits, fisheye_camera, Policy> updates(ctx);
+    const auto round = [&] { turbomap::update_appearance(ctx, points.view(), keyframes.neighbours(), {}, updates); };
     update_plan<orb_bits> first, later;
     for (int i = 0; i < 2; ++i) round();
     updates.plan(ctx, first.points, first.descriptors);
@@ -384,11 +384,11 @@ void check_update_allocations(std::pmr::memory_resource* upstream) {
     CHECK(first.points.size() == points.position.size());
 
     for (int refused = 0;; ++refused) {
-      turbomap::map_point_updates<orb_bits, fisheye_camera, Policy> fresh(ctx);
+      turbomap::appearances<orb_bits, fisheye_camera, Policy> fresh(ctx);
       resource.refuse_from = resource.allocations + refused, resource.refusals = 1;
       bool failed = false;
       try {
-        turbomap::update_map_points(ctx, points.view(), keyframes.neighbours(), {}, fresh);
+        turbomap::update_appearance(ctx, points.view(), keyframes.neighbours(), {}, fresh);
       } catch (const std::bad_alloc&) {
         failed = true;
       }

@@ -14,7 +14,7 @@
 #include "../error.hpp"
 #include "../math/functions.hpp"
 #include "../store/posed_keyframe.hpp"
-#include "map_point_update_view.hpp"
+#include "appearance_view.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -23,8 +23,7 @@ namespace detail {
 inline std::string numbered(const char* array, int i) { return std::string(array) + "[" + std::to_string(i) + "]"; }
 
 template <class Descriptor, class Camera>
-void check_observers(span<const posed_keyframe<Descriptor, Camera>> keyframes,
-                     const map_point_update_options& options) {
+void check_observers(span<const posed_keyframe<Descriptor, Camera>> keyframes, const appearance_options& options) {
   for (std::size_t i = 0; i < keyframes.size(); ++i) {
     const auto& v = keyframes[i].view;
     const rigid_transform<double>& T = keyframes[i].T_cw;
@@ -47,8 +46,8 @@ void check_observers(span<const posed_keyframe<Descriptor, Camera>> keyframes,
 
 /// Throws std::invalid_argument naming what is wrong. O(observations).
 template <class Descriptor, class Camera>
-void check_map_point_update(const map_point_update_view& view, span<const posed_keyframe<Descriptor, Camera>> keyframes,
-                            const map_point_update_options& options) {
+void check_appearance_arguments(const appearance_view& view, span<const posed_keyframe<Descriptor, Camera>> keyframes,
+                                const appearance_options& options) {
   const pyramid& s = options.scales;
   require(s.levels >= 1 && s.levels <= 256, "options.scales.levels", s.levels,
           "must be in [1, 256]: octaves are bytes");

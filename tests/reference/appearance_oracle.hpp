@@ -5,7 +5,7 @@
 /// \file
 /// The update of map points as its definition reads: one point after the other, all distances, sorted, in plain double.
 
-#include <turbomap/appearance/map_point_update_view.hpp>
+#include <turbomap/appearance/appearance_view.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -49,13 +49,12 @@ Eigen::Vector3d oracle_centre(const turbomap::posed_keyframe<Descriptor, Camera>
 
 /// Every point of the call. The views are in host memory.
 template <class Descriptor, class Camera>
-std::vector<turbomap::updated_map_point> map_point_update_oracle(
-    const turbomap::map_point_update_view& view,
-    const std::vector<turbomap::posed_keyframe<Descriptor, Camera>>& keyframes,
-    const turbomap::map_point_update_options& options) {
-  std::vector<turbomap::updated_map_point> points;
+std::vector<turbomap::point_appearance> appearance_oracle(
+    const turbomap::appearance_view& view, const std::vector<turbomap::posed_keyframe<Descriptor, Camera>>& keyframes,
+    const turbomap::appearance_options& options) {
+  std::vector<turbomap::point_appearance> points;
   for (int i = 0; i < view.count; ++i) {
-    turbomap::updated_map_point p{};
+    turbomap::point_appearance p{};
     p.medoid = -1;
     points.push_back(p);
     const std::vector<turbomap::point_observation> seen(view.observations + view.observation_offset[i],

@@ -14,7 +14,7 @@
 #include <limits>
 #include <random>
 
-#include "map_point_update_cases.hpp"
+#include "appearance_cases.hpp"
 #include "support/support.hpp"
 
 namespace turbomap_test {
@@ -223,15 +223,15 @@ void check_recorded_update(recorded_keyframes& keyframes, const std::filesystem:
     living.add(turbomap::cast<double>(position[i]), reference[i], living_views);
   }
   using posed = recorded_keyframes::posed;
-  turbomap::map_point_update_options geometry, descriptors;
+  turbomap::appearance_options geometry, descriptors;
   geometry.scales = descriptors.scales = keyframes.recording.meta.pyramid();
   geometry.descriptors = false, descriptors.geometry = false;
   turbomap::context<omp> ctx{omp{}};
-  turbomap::map_point_updates<orb_bits, fisheye_camera, omp> updates(ctx);
+  turbomap::appearances<orb_bits, fisheye_camera, omp> updates(ctx);
   update_plan<orb_bits> measured, represented;
-  turbomap::update_map_points(ctx, all.view(), turbomap::span<const posed>(keyframes.all), geometry, updates);
+  turbomap::update_appearance(ctx, all.view(), turbomap::span<const posed>(keyframes.all), geometry, updates);
   updates.plan(ctx, measured.points, measured.descriptors);
-  turbomap::update_map_points(ctx, living.view(), turbomap::span<const posed>(keyframes.all), descriptors, updates);
+  turbomap::update_appearance(ctx, living.view(), turbomap::span<const posed>(keyframes.all), descriptors, updates);
   updates.plan(ctx, represented.points, represented.descriptors);
   for (std::size_t i = 0; i < position.size(); ++i) {
     const auto& p = measured.points[i];

@@ -19,24 +19,24 @@
 #include "../descriptor/descriptor_concept.hpp"
 #include "../math/scale_table.hpp"
 #include "../store/posed_keyframe.hpp"
-#include "map_point_update_check.hpp"
-#include "map_point_update_view.hpp"
-#include "update_map_point.hpp"
+#include "appearance_check.hpp"
+#include "appearance_view.hpp"
+#include "compute_appearance.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
 /// The update of one call, where it was computed. Make one and use it for every call: its memory is reused. Move-only;
 /// not shared between threads.
 template <class Descriptor, class Camera, class Policy>
-class map_point_updates {
+class appearances {
  public:
   using memory_type = memory_of_t<Policy>;
   using element = typename Descriptor::element;
 
-  explicit map_point_updates(const context<Policy>& ctx)
+  explicit appearances(const context<Policy>& ctx)
       : inputs_(ctx.resource()), points_(ctx.resource()), descriptors_(ctx.resource()) {}
-  map_point_updates(map_point_updates&&) = default;
-  map_point_updates& operator=(map_point_updates&&) = default;
+  appearances(appearances&&) = default;
+  appearances& operator=(appearances&&) = default;
 
   /// No points: what is left where a call ran out of memory.
   void clear() {
@@ -47,23 +47,23 @@ class map_point_updates {
   /// \param descriptors  overwritten by [point][element], 0 for a point without observations; empty when the call did
   /// not
   ///                     ask for descriptors
-  void plan(context<Policy>& ctx, std::vector<updated_map_point>& points, std::vector<element>& descriptors) const {
+  void plan(context<Policy>& ctx, std::vector<point_appearance>& points, std::vector<element>& descriptors) const {
     points.resize(points_.size());
     descriptors.resize(descriptors_.size());
-    copy_out(ctx.policy(), points.data(), points_.data(), points.size() * sizeof(updated_map_point));
+    copy_out(ctx.policy(), points.data(), points_.data(), points.size() * sizeof(point_appearance));
     copy_out(ctx.policy(), descriptors.data(), descriptors_.data(), descriptors.size() * sizeof(element));
     ctx.synchronize();
   }
 
  private:
   template <class D, class C, class P>
-  friend void update_map_points(context<P>&, const map_point_update_view&, span<const posed_keyframe<D, C>>,
-                                const map_point_update_options&, map_point_updates<D, C, P>&);
+  friend void update_appearance(context<P>&, const appearance_view&, span<const posed_keyframe<D, C>>,
+                                const appearance_options&, appearances<D, C, P>&);
 
   /// Packs the call into one block, sends it, and makes room for the result.
-  detail::map_point_inputs<Descriptor, Camera> send(context<Policy>& ctx, const map_point_update_view& view,
-                                                    span<const posed_keyframe<Descriptor, Camera>> keyframes,
-                                                    const map_point_update_options& options) {
+  detail::appearance_inputs<Descriptor, Camera> send(context<Policy>& ctx, const appearance_view& view,
+                                                     span<const posed_keyframe<Descriptor, Camera>> keyframes,
+                                                     const appearance_options& options) {
     const auto count = static_cast<std::size_t>(view.count);
     const std::size_t seen = count == 0 ? 0 : static_cast<std::size_t>(view.observation_offset[count]);
     const std::size_t measured = options.geometry ? count : 0;
@@ -77,7 +77,7 @@ class map_point_updates {
     const std::size_t observations_at = place(sizeof(point_observation) * seen);
     const std::size_t scale_at = place(sizeof(float) * scale_table_size);
 
-    detail::map_point_inputs<Descriptor, Camera> in{};
+    detail::appearance_inputs<Descriptor, Camera> in{};
     in.cameras = 1;
     for (const auto& k : keyframes) in.cameras = k.view.camera_count > in.cameras ? k.view.camera_count : in.cameras;
     in.last_level = options.scales.levels - 1;
@@ -112,7 +112,7 @@ class map_point_updates {
   }
 
   array<std::byte, memory_type> inputs_;
-  array<updated_map_point, memory_type> points_;
+  array<point_appearance, memory_type> points_;
   array<element, memory_type> descriptors_;
 };
 
@@ -127,12 +127,12 @@ class map_point_updates {
 ///                                does not observe its point. The previous result stays
 /// Cost: n^2 / 2 descriptor distances for a point with n observations, n^2 on a device or above medoid_table_size.
 template <class Descriptor, class Camera, class Policy>
-void update_map_points(context<Policy>& ctx, const map_point_update_view& view,
-                       span<const posed_keyframe<Descriptor, Camera>> keyframes,
-                       const map_point_update_options& options, map_point_updates<Descriptor, Camera, Policy>& result) {
+void update_appearance(context<Policy>& ctx, const appearance_view& view,
+                       span<const posed_keyframe<Descriptor, Camera>> keyframes, const appearance_options& options,
+                       appearances<Descriptor, Camera, Policy>& result) {
   static_assert(require_descriptor<Descriptor>());
   static_assert(require_camera<Camera>());
-  detail::check_map_point_update(view, keyframes, options);
+  detail::check_appearance_arguments(view, keyframes, options);
   ctx.begin_call();
   try {
     const auto in = result.send(ctx, view, keyframes, options);
@@ -141,7 +141,7 @@ void update_map_points(context<Policy>& ctx, const map_point_update_view& view,
       for_each_index(ctx.policy(), static_cast<int>(keyframes.size()) * in.cameras,
                      detail::find_camera_centre<Descriptor, Camera>{in});
     for_each_index(ctx.policy(), view.count,
-                   detail::update_map_point<Descriptor, Camera, memory_of_t<Policy>>{
+                   detail::compute_appearance<Descriptor, Camera, memory_of_t<Policy>>{
                        in, result.points_.data(), options.descriptors ? result.descriptors_.data() : nullptr});
   } catch (...) {  // out of memory
     result.clear();

@@ -16,7 +16,7 @@
 #include "../math/strict.hpp"
 #include "../memory.hpp"
 #include "../store/keyframe_view.hpp"
-#include "map_point_update_view.hpp"
+#include "appearance_view.hpp"
 #include "medoid.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -25,7 +25,7 @@ namespace detail {
 
 /// The inputs of one call in the memory of its policy.
 template <class Descriptor, class Camera>
-struct map_point_inputs {
+struct appearance_inputs {
   const keyframe_view<Descriptor, Camera>* keyframes;
   const rigid_transform<double>* T_cw;     ///< of the keyframes
   const vec3<double>* position;            ///< null without geometry
@@ -41,7 +41,7 @@ struct map_point_inputs {
 /// Index = keyframe * cameras + camera: computes one camera centre.
 template <class Descriptor, class Camera>
 struct find_camera_centre {
-  map_point_inputs<Descriptor, Camera> in;
+  appearance_inputs<Descriptor, Camera> in;
 
   TURBOMAP_HD void operator()(int i) const {
     const int k = i / in.cameras, c = i % in.cameras;
@@ -66,15 +66,15 @@ struct observed_descriptors {
 
 /// Index = point. A host has a stack for the table of distances, a thread of a device has not.
 template <class Descriptor, class Camera, class Memory>
-struct update_map_point {
-  map_point_inputs<Descriptor, Camera> in;
-  updated_map_point* points;
+struct compute_appearance {
+  appearance_inputs<Descriptor, Camera> in;
+  point_appearance* points;
   typename Descriptor::element* descriptors;  ///< [point][element]; null: not asked for
 
   TURBOMAP_HD void operator()(int i) const {
     const point_observation* seen = in.observations + in.observation_offset[i];
     const int n = in.observation_offset[i + 1] - in.observation_offset[i];
-    updated_map_point p{};
+    point_appearance p{};
     p.medoid = -1;
     if (in.centre != nullptr && n > 0) measure(i, seen, n, p);
     if (descriptors != nullptr) represent(i, seen, n, p);
@@ -87,7 +87,7 @@ struct update_map_point {
   TURBOMAP_HD vec3<S> ray(int i, int keyframe, int camera) const {
     return cast<S>(in.position[i]) - cast<S>(in.centre[keyframe * in.cameras + camera]);
   }
-  TURBOMAP_HD void measure(int i, const point_observation* seen, int n, updated_map_point& p) const {
+  TURBOMAP_HD void measure(int i, const point_observation* seen, int n, point_appearance& p) const {
     vec3<S> sum{S(0), S(0), S(0)};
     const int reference = in.reference[i];
     int keypoint = -1;  // of the point in its reference keyframe: camera 0's, else the first
@@ -111,7 +111,7 @@ struct update_map_point {
     p.max_distance = most.value;
     p.min_distance = (most / strict<float>(in.scale[in.last_level])).value;
   }
-  TURBOMAP_HD void represent(int i, const point_observation* seen, int n, updated_map_point& p) const {
+  TURBOMAP_HD void represent(int i, const point_observation* seen, int n, point_appearance& p) const {
     typename Descriptor::element* mine = descriptors + static_cast<std::size_t>(i) * Descriptor::elements;
     const observed_descriptors<Descriptor, Camera> all{in.keyframes, seen};
     if (n == 0) {
