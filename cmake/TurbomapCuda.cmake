@@ -5,7 +5,7 @@
 # not depend on it. As a part of another project AUTO never enables a language: we use CUDA when that project does.
 
 set(TURBOMAP_WITH_CUDA OFF)
-if(NOT (TURBOMAP_BUILD_TESTS OR TURBOMAP_BUILD_EXAMPLES OR TURBOMAP_BUILD_BENCHMARKS))
+if(NOT (TURBOMAP_BUILD_TESTS OR TURBOMAP_BUILD_EXAMPLES OR TURBOMAP_BUILD_TOOLS))
   return()
 endif()
 if(TURBOMAP_CUDA STREQUAL "AUTO")

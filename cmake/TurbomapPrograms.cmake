@@ -24,12 +24,38 @@ if(NOT turbomap_data_default)
 endif()
 set(TURBOMAP_DATA_DIR "${turbomap_data_default}" CACHE PATH "Folder of the recorded data")
 
-# Every policy in one program: sequential, OpenMP and TBB are always there.
-find_package(OpenMP REQUIRED COMPONENTS CXX)
-find_package(TBB CONFIG REQUIRED)
+# Every host policy that this machine has is in one program: sequential always, OpenMP and TBB where they are found. C++ files
+# ask by these macros (tests through tests/support/policies.hpp); nvcc compiles neither.
+find_package(OpenMP QUIET COMPONENTS CXX)
+find_package(TBB CONFIG QUIET)
+set(TURBOMAP_WITH_OPENMP ${OpenMP_CXX_FOUND})
+set(TURBOMAP_WITH_TBB ${TBB_FOUND})
 
 add_library(turbomap_developer INTERFACE)
-target_link_libraries(turbomap_developer INTERFACE turbomap::turbomap OpenMP::OpenMP_CXX TBB::tbb Threads::Threads)
+target_link_libraries(turbomap_developer INTERFACE turbomap::turbomap Threads::Threads)
+if(TURBOMAP_WITH_OPENMP)
+  target_link_libraries(turbomap_developer INTERFACE OpenMP::OpenMP_CXX)
+  target_compile_definitions(turbomap_developer INTERFACE "$<$<COMPILE_LANGUAGE:CXX>:TURBOMAP_WITH_OPENMP=1>")
+else()
+  message(STATUS "turbomap: no tests and no programs under the policy omp: OpenMP was not found")
+endif()
+if(TURBOMAP_WITH_TBB)
+  target_link_libraries(turbomap_developer INTERFACE TBB::tbb)
+  target_compile_definitions(turbomap_developer INTERFACE "$<$<COMPILE_LANGUAGE:CXX>:TURBOMAP_WITH_TBB=1>")
+else()
+  message(STATUS "turbomap: no tests and no programs under the policy tbb: TBB was not found")
+endif()
+
+# The oracles: tests and tools compare with them. They include the library and each other, nothing of tests or tools.
+add_library(turbomap_reference INTERFACE)
+target_include_directories(turbomap_reference INTERFACE "${PROJECT_SOURCE_DIR}/tests")
+target_link_libraries(turbomap_reference INTERFACE turbomap_developer)
+
+# The parts of the programs in tools/, for the programs themselves and for their tests.
+add_library(turbomap_tools INTERFACE)
+target_include_directories(turbomap_tools INTERFACE "${PROJECT_SOURCE_DIR}/tools")
+target_link_libraries(turbomap_tools INTERFACE turbomap_reference)
+
 set(turbomap_is_cxx "$<COMPILE_LANG_AND_ID:CXX,GNU,Clang,AppleClang>")
 set(turbomap_is_nvcc "$<COMPILE_LANG_AND_ID:CUDA,NVIDIA>")
 target_compile_options(turbomap_developer INTERFACE
@@ -59,30 +85,16 @@ if(TURBOMAP_SANITIZE)
 endif()
 
 # turbomap_add_program(NAME SOURCE... [CUDA_SOURCES SOURCE.cu...])
-# An executable <build>/bin/NAME. In a build with CUDA, CUDA_SOURCES are part of it, TURBOMAP_PROGRAM_WITH_CUDA=1 is defined
-# in all its files, and a source DIR/FILE.cpp is replaced by DIR/cuda/FILE.cu where that exists. nvcc is never given a .cpp:
-# it cannot compile Thrust's OpenMP backend there, so a .cu file names no OpenMP policy.
+# An executable <build>/bin/NAME. In a build with CUDA, CUDA_SOURCES are part of it and TURBOMAP_PROGRAM_WITH_CUDA=1 is
+# defined in all its files. nvcc is never given a .cpp: it cannot compile Thrust's OpenMP backend there, so a .cu file names
+# no OpenMP policy.
 function(turbomap_add_program name)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "CUDA_SOURCES")
-  set(sources ${arg_UNPARSED_ARGUMENTS})
-  if(TURBOMAP_WITH_CUDA)
-    set(replaced "")
-    foreach(source IN LISTS sources)
-      cmake_path(ABSOLUTE_PATH source OUTPUT_VARIABLE path)
-      cmake_path(GET path PARENT_PATH folder)
-      cmake_path(GET path STEM stem)
-      if(EXISTS "${folder}/cuda/${stem}.cu")
-        list(APPEND replaced "${folder}/cuda/${stem}.cu")
-      else()
-        list(APPEND replaced "${source}")
-      endif()
-    endforeach()
-    set(sources ${replaced} ${arg_CUDA_SOURCES})
-  endif()
-  add_executable(${name} ${sources})
+  add_executable(${name} ${arg_UNPARSED_ARGUMENTS})
   target_link_libraries(${name} PRIVATE turbomap_developer)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY "${turbomap_BINARY_DIR}/bin")
   if(TURBOMAP_WITH_CUDA)
+    target_sources(${name} PRIVATE ${arg_CUDA_SOURCES})
     target_link_libraries(${name} PRIVATE CUDA::cudart_static)
     target_compile_definitions(${name} PRIVATE TURBOMAP_PROGRAM_WITH_CUDA=1)
   endif()

@@ -11,9 +11,10 @@
 #include <CLI/CLI.hpp>
 
 #include <thrust/execution_policy.h>
+#if defined(TURBOMAP_WITH_OPENMP)
 #include <thrust/system/omp/execution_policy.h>
-#if __has_include(<tbb/parallel_for.h>)
-#define TURBOMAP_PROGRAM_WITH_TBB 1
+#endif
+#if defined(TURBOMAP_WITH_TBB)
 #include <thrust/system/tbb/execution_policy.h>
 #endif
 
@@ -35,8 +36,10 @@ turbomap::recording simulated_recording() {
 nlohmann::json run(const turbomap_bench::arguments& a, std::string& machine) {
   const turbomap::recording recording = simulated_recording();
   if (a.policy == "seq") return turbomap_bench::run(thrust::seq, recording, a);
+#if defined(TURBOMAP_WITH_OPENMP)
   if (a.policy == "omp") return turbomap_bench::run(thrust::omp::par, recording, a);
-#if defined(TURBOMAP_PROGRAM_WITH_TBB)
+#endif
+#if defined(TURBOMAP_WITH_TBB)
   if (a.policy == "tbb") return turbomap_bench::run(thrust::tbb::par, recording, a);
 #endif
 #if defined(TURBOMAP_PROGRAM_WITH_CUDA)

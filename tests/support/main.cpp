@@ -28,7 +28,7 @@
 #if defined(__SANITIZE_THREAD__)
 #define TURBOMAP_TEST_UNDER_TSAN 1
 #endif
-#if defined(TURBOMAP_TEST_UNDER_TSAN)
+#if defined(TURBOMAP_TEST_UNDER_TSAN) && defined(TURBOMAP_WITH_TBB)
 #include <tbb/global_control.h>
 #endif
 
@@ -76,7 +76,7 @@ int main(int argc, char** argv) {
     return skipped_status;
   }
 #endif
-#if defined(TURBOMAP_TEST_UNDER_TSAN)
+#if defined(TURBOMAP_TEST_UNDER_TSAN) && defined(TURBOMAP_WITH_TBB)
   const tbb::global_control one_worker(tbb::global_control::max_allowed_parallelism, 1);
 #endif
   doctest::Context context(argc, argv);

@@ -1,0 +1,97 @@
+# SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+# SPDX-License-Identifier: Apache-2.0
+
+# How the tests below tests/ and tools/tests/ are built.
+#   test_NAME.cpp   the test test_NAME: every host policy in it
+#   test_NAME.cu    the test test_NAME_device: the same under nvcc, on a CUDA device; only in a build with CUDA
+# A program that cannot run here (no data, no device) ends with 77, which ctest reports as skipped.
+
+option(TURBOMAP_HOST_TESTS "Build the tests of host policies; a second build for CUDA does not need them again" ON)
+option(TURBOMAP_RECORDED_TESTS "Build the tests on recorded data" ON)
+set(TURBOMAP_TEST_FILTER "" CACHE STRING "Build only the tests whose name matches this regular expression")
+
+find_package(doctest CONFIG REQUIRED)
+find_package(nlohmann_json CONFIG QUIET)
+find_package(OpenCV QUIET COMPONENTS core imgproc imgcodecs calib3d features2d)
+find_package(Sophus CONFIG QUIET)
+
+# turbomap_add_test_main(NAME): the object library NAME with the main function, and all that every test links.
+function(turbomap_add_test_main name)
+  add_library(${name} OBJECT "${turbomap_SOURCE_DIR}/tests/support/main.cpp")
+  target_link_libraries(${name} PUBLIC turbomap_reference doctest::doctest)
+endfunction()
+turbomap_add_test_main(turbomap_test_main)
+if(TURBOMAP_WITH_CUDA)
+  turbomap_add_test_main(turbomap_test_main_device)
+  target_compile_definitions(turbomap_test_main_device PRIVATE TURBOMAP_TEST_NEEDS_DEVICE=1)
+  target_link_libraries(turbomap_test_main_device PUBLIC CUDA::cudart_static)
+endif()
+
+# Thrust binds references to null in its own code, so the sanitizer of undefined behaviour must be able to go on after what
+# the list names; for all else it stops. One OpenMP thread under the thread sanitizer: see tests/support/main.cpp.
+set(turbomap_test_environment "")
+if(TURBOMAP_DATA_DIR)
+  list(APPEND turbomap_test_environment "TURBOMAP_DATA_DIR=${TURBOMAP_DATA_DIR}")
+endif()
+if(TURBOMAP_SANITIZE MATCHES "undefined")
+  list(APPEND turbomap_test_environment
+       "UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1:suppressions=${turbomap_SOURCE_DIR}/tests/support/ubsan.supp")
+endif()
+if(TURBOMAP_SANITIZE MATCHES "thread")
+  list(APPEND turbomap_test_environment
+       "OMP_NUM_THREADS=1" "TSAN_OPTIONS=suppressions=${turbomap_SOURCE_DIR}/tests/support/tsan.supp")
+endif()
+
+# turbomap_add_test(SOURCE LABEL LIBRARY...): the test that is named after SOURCE. Labelled 'host' or 'recorded'; 'device'
+# where SOURCE is a .cu file.
+function(turbomap_add_test source label)
+  cmake_path(GET source STEM name)
+  cmake_path(GET source EXTENSION LAST_ONLY extension)
+  set(main turbomap_test_main)
+  if(extension STREQUAL ".cu")
+    string(APPEND name _device)
+    set(label device)
+    set(main turbomap_test_main_device)
+  endif()
+  if(TURBOMAP_TEST_FILTER AND NOT name MATCHES "${TURBOMAP_TEST_FILTER}")
+    return()
+  endif()
+  add_executable(${name} "${source}")
+  target_link_libraries(${name} PRIVATE ${main} ${ARGN})
+  set(test ${TURBOMAP_TEST_PREFIX}${name})
+  add_test(NAME ${test} COMMAND ${name})
+  set_tests_properties(${test} PROPERTIES TIMEOUT 600 SKIP_RETURN_CODE 77 LABELS "${label}")
+  set_property(TEST ${test} PROPERTY ENVIRONMENT "${turbomap_test_environment}")
+endfunction()
+
+# turbomap_add_tests(LABEL LABEL FILES FILE... [LIBRARIES LIBRARY...] [JSON REGEX] [OPENCV REGEX]): a test per FILE that this
+# build compiles. A file whose path matches a regular expression needs that library too; where it was not found, cmake says
+# that the test is missing.
+function(turbomap_add_tests)
+  cmake_parse_arguments(PARSE_ARGV 0 arg "" "LABEL;JSON;OPENCV" "FILES;LIBRARIES")
+  foreach(file IN LISTS arg_FILES)
+    cmake_path(RELATIVE_PATH file BASE_DIRECTORY "${CMAKE_CURRENT_SOURCE_DIR}" OUTPUT_VARIABLE path)
+    if((path MATCHES "\\.cu$" AND NOT TURBOMAP_WITH_CUDA) OR (path MATCHES "\\.cpp$" AND NOT TURBOMAP_HOST_TESTS))
+      continue()
+    endif()
+    set(libraries ${arg_LIBRARIES})
+    set(missing "")
+    if(arg_JSON AND path MATCHES "${arg_JSON}")
+      list(APPEND libraries nlohmann_json::nlohmann_json)
+      if(NOT nlohmann_json_FOUND)
+        list(APPEND missing nlohmann_json)
+      endif()
+    endif()
+    if(arg_OPENCV AND path MATCHES "${arg_OPENCV}")
+      list(APPEND libraries ${OpenCV_LIBS})
+      if(NOT OpenCV_FOUND)
+        list(APPEND missing OpenCV)
+      endif()
+    endif()
+    if(missing)
+      message(STATUS "turbomap: no test ${path}: ${missing} was not found")
+    else()
+      turbomap_add_test("${file}" "${arg_LABEL}" ${libraries})
+    endif()
+  endforeach()
+endfunction()
