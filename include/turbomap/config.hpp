@@ -25,7 +25,9 @@ turbomap::turbomap, or compile with -DTHRUST_DEVICE_SYSTEM=THRUST_DEVICE_SYSTEM_
 
 // A program may mix .cpp and .cu files, and files compiled for different processors: code that depends on the compiler
 // or its target lives in an inline namespace named after both, so that the linker never merges two versions of it.
-// Plain data (types, options, plans, views) and the traits that users specialise live in `turbomap` itself.
+// Plain data (types, options, plans, views) and the traits that users specialise live in `turbomap` itself. Details of code
+// are in `detail` inside the inline namespace, those of plain data in `turbomap::plain_detail`: a namespace of one name in
+// both places is ambiguous (nvcc 11.8).
 #define TURBOMAP_DETAIL_JOIN2(a, b) a##b
 #define TURBOMAP_DETAIL_JOIN(a, b) TURBOMAP_DETAIL_JOIN2(a, b)
 #if TURBOMAP_HAS_CUDA
@@ -66,9 +68,3 @@ turbomap::turbomap, or compile with -DTHRUST_DEVICE_SYSTEM=THRUST_DEVICE_SYSTEM_
 #define TURBOMAP_END_NAMESPACE \
   }                            \
   }
-
-// Declared here first: otherwise a header that opens turbomap::detail for plain data before any code does would make the
-// name ambiguous.
-TURBOMAP_BEGIN_NAMESPACE
-namespace detail {}
-TURBOMAP_END_NAMESPACE

@@ -14,7 +14,7 @@
 
 namespace turbomap {
 
-namespace detail {
+namespace plain_detail {
 
 /// An index that is checked: a place that is used again has another generation.
 template <class Tag>
@@ -74,9 +74,9 @@ class place_list {
   std::size_t alive_count_ = 0;
 };
 
-}  // namespace detail
+}  // namespace plain_detail
 
-using map_keyframe_id = detail::map_id<struct map_keyframe_tag>;
-using map_point_id = detail::map_id<struct map_point_tag>;
+using map_keyframe_id = plain_detail::map_id<struct map_keyframe_tag>;
+using map_point_id = plain_detail::map_id<struct map_point_tag>;
 
 }  // namespace turbomap

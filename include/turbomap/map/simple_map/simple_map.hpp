@@ -175,7 +175,7 @@ class simple_map {
 
   std::size_t levels_;
   std::uint64_t next_keyframe_ = 0, next_point_ = 0;
-  detail::place_list keyframe_places_, point_places_;
+  plain_detail::place_list keyframe_places_, point_places_;
   std::vector<keyframe_entry> keyframes_;
   // Points: one entry each, by index.
   std::vector<vec3<double>> positions_;
