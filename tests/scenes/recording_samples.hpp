@@ -63,7 +63,7 @@ inline turbomap::recording small_recording(bool fisheye = false) {
     if (fisheye) partner[0] = 3, partner[3] = 0;
     std::vector<turbomap::point_association> associations{{0, {i, 0}, {i, 0}, {1, 2, 3}, true}};
     if (i > 0) associations.push_back({2, {i - 1, 0}, {0, 0}, {4, 5, 6}, false});
-    const std::vector<turbomap::recent_point> recent(static_cast<std::size_t>(i), {{0, 2}, 0, 4, 3});
+    const std::vector<turbomap::recorded_recent_point> recent(static_cast<std::size_t>(i), {{0, 2}, 0, 4, 3});
     turbomap::keyframe_record k;
     k.t_ns = 1403715527912143104 + i * 50000000LL, k.previous = i - 1, k.T_cw.tx = static_cast<float>(i);
     k.keypoints = keypoints, k.descriptors = descriptors, k.stereo_partner = partner;

@@ -37,7 +37,7 @@ class tracker {
 
   struct result {
     std::vector<point_association> associations;
-    std::vector<recent_point> recent;
+    std::vector<recorded_recent_point> recent;
   };
 
   /// The associations of keyframe i. T_wc: its pose in the drifting world. `next`: the keyframe after it, which a
@@ -143,11 +143,11 @@ class tracker {
     ++state.found;
   }
 
-  std::vector<recent_point> on_probation(std::int32_t i, const keyframe_observation& seen) {
+  std::vector<recorded_recent_point> on_probation(std::int32_t i, const keyframe_observation& seen) {
     std::vector<bool> visible(tracks_of_.size(), false);
     for (const auto p : seen.point)
       if (p >= 0) visible[static_cast<std::size_t>(p)] = true;
-    std::vector<recent_point> recent;
+    std::vector<recorded_recent_point> recent;
     while (first_recent_ < tracks_.size() && tracks_[first_recent_].created + options_.recent_for < i) ++first_recent_;
     for (std::size_t t = first_recent_; t < tracks_.size(); ++t) {
       track_state& state = tracks_[t];

@@ -29,7 +29,7 @@ struct point_association {
 };
 
 /// A map point still on probation.
-struct recent_point {
+struct recorded_recent_point {
   keypoint_reference reference;
   std::int32_t first_keyframe_id = 0, visible = 1, found = 1;
 };
@@ -44,7 +44,7 @@ struct keyframe_record {
   span<const descriptor_bytes> descriptors;
   span<const std::int32_t> stereo_partner;  ///< fisheye: see recording::kp_lrmatch; may be empty
   span<const point_association> associations;
-  span<const recent_point> recent;
+  span<const recorded_recent_point> recent;
   vec3<float> velocity{};  ///< inertial systems only, as what follows
   std::array<float, 6> bias{};
   bool imu_initialized = false;
@@ -142,7 +142,7 @@ class recorder {
       n.assoc_kp.push_back(a.keypoint), n.assoc_ref.push_back(a.latest), n.assoc_ref2.push_back(a.earliest);
       n.assoc_new.push_back(a.is_new), n.assoc_pos.push_back(a.position);
     }
-    for (const recent_point& p : k.recent) {
+    for (const recorded_recent_point& p : k.recent) {
       n.recent_ref.push_back(p.reference), n.recent_firstkf_mnid.push_back(p.first_keyframe_id);
       n.recent_visible.push_back(p.visible), n.recent_found.push_back(p.found);
     }
