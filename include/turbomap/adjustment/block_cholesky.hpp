@@ -76,7 +76,7 @@ class block_cholesky {
   /// \param blocks  n diagonal blocks, then the others in the order of analyse(), row-major, rows of row[k]
   /// \param tolerance  a pivot below it times the diagonal element it came from: the matrix is singular
   /// \return false: singular or not positive definite
-  bool factorise(const double* blocks, double tolerance = default_pivot_tolerance) {
+  TURBOMAP_ONE_BODY bool factorise(const double* blocks, double tolerance = default_pivot_tolerance) {
     diagonal_.resize(at(n_) * square), lower_.assign(rows_.size() * square, 0);
     for (int i = 0; i < n_; ++i)
       std::copy_n(blocks + at(i) * square, square, diagonal_.begin() + offset(at(place_[at(i)]) * square));
@@ -97,7 +97,7 @@ class block_cholesky {
   }
 
   /// Solves for x in place, in the order of the caller.
-  void solve(double* x) {
+  TURBOMAP_ONE_BODY void solve(double* x) {
     solution_.resize(at(n_) * D);
     for (int i = 0; i < n_; ++i) std::copy_n(x + at(i) * D, D, solution_.data() + at(place_[at(i)]) * D);
     for (int k = 0; k < n_; ++k) {

@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "host_sums.hpp"
 #include "linear_solver.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -181,10 +182,8 @@ class pcg_reduced_solver {
 
  private:
   double sum(context<Policy>& ctx) {
-    const double* p = on_host(ctx, product_, static_cast<std::size_t>(s_.free_frames), workspace_.matrix);
-    double total = 0;
-    for (int f = 0; f < s_.free_frames; ++f) total += p[f];
-    return total;
+    const auto n = static_cast<std::size_t>(s_.free_frames);
+    return detail::sum_in_order(on_host(ctx, product_, n, workspace_.matrix), n);
   }
 
   schur_view<A> s_;

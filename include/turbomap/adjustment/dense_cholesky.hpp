@@ -30,7 +30,7 @@ class dense_cholesky {
   /// \param A          padded(n) squared; beyond n it is overwritten
   /// \param tolerance  a pivot below it times the diagonal element it came from: the matrix is singular
   /// \return false: singular or not positive definite; A is then spoilt
-  bool factorise(double* A, int n, double tolerance = default_pivot_tolerance) {
+  TURBOMAP_ONE_BODY bool factorise(double* A, int n, double tolerance = default_pivot_tolerance) {
     n_ = padded(n);
     diagonal_.resize(static_cast<std::size_t>(n_)), reciprocal_.resize(static_cast<std::size_t>(n_));
     for (int j = n; j < n_; ++j) {  // an identity: its steps are 0
@@ -46,7 +46,7 @@ class dense_cholesky {
   }
 
   /// Solves L L^T x = b in place; x has room for padded(n) numbers.
-  void solve(const double* L, int n, double* x) const {
+  TURBOMAP_ONE_BODY void solve(const double* L, int n, double* x) const {
     for (int i = n; i < n_; ++i) x[i] = 0;
     for (int j = 0; j < n_; ++j) {
       const double* l = column(L, j);

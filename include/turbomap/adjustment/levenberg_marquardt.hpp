@@ -15,6 +15,8 @@
 #include "../context.hpp"
 #include "../error.hpp"
 #include "conjugate_gradients.hpp"
+#include "damping.hpp"
+#include "host_sums.hpp"
 #include "linear_solver.hpp"
 #include "normal_equations.hpp"
 #include "options.hpp"
@@ -89,7 +91,8 @@ class levenberg_marquardt {
 
   template <class Policy, class Solver>
   adjustment_end iterate(context<Policy>& ctx, double cost, Solver solver) {
-    double lambda = options_.initial_lambda, growth = 2;
+    damping_control control{options_.initial_lambda};
+    double& lambda = control.lambda;
     summary_.each.reserve(static_cast<std::size_t>(options_.max_iterations < 100 ? options_.max_iterations : 100));
     int slow = 0;
     for (int i = 0; i < options_.max_iterations; ++i) {
@@ -116,11 +119,9 @@ class levenberg_marquardt {
             end = adjustment_end::converged;
             break;
           }
-          const double after = equations_.evaluate(ctx, 1 - problem_.current_), ratio = (cost - after) / predicted;
-          if (detail::is_finite(after) && detail::is_finite(ratio) && ratio > 0) {
+          const double after = equations_.evaluate(ctx, 1 - problem_.current_);
+          if (control.accepts(cost, after, predicted)) {
             accepted = true;
-            const double x = 2 * ratio - 1, scale = 1 - x * x * x;
-            lambda *= scale < 1.0 / 3 ? 1.0 / 3 : scale > 2.0 / 3 ? 2.0 / 3 : scale, growth = 2;
             slow = cost - after < options_.min_relative_decrease * cost ? slow + 1 : 0;
             cost = after;
             summary_.undefined = equations_.undefined();
@@ -128,8 +129,9 @@ class levenberg_marquardt {
             ++summary_.accepted;
             continue;
           }
+        } else {
+          control.refuse();
         }
-        lambda *= growth, growth *= 2;
         if (!detail::is_finite(lambda)) break;
         if (stopped()) {
           end = adjustment_end::stopped;
@@ -178,19 +180,13 @@ class levenberg_marquardt {
     for_each_index(ctx.policy(), frames, prepare_poses<Frame>{problem_.states_[to].data(), problem_.poses_[to].data()});
     auto& buffer = problem_.workspace_.sums;
     const double* gains = on_host(ctx, gains_, static_cast<std::size_t>(gain_count()), buffer);
-    predicted = 0;
-    for (int i = 0; i < gain_count(); ++i) predicted += gains[i];
+    predicted = detail::sum_in_order(gains, static_cast<std::size_t>(gain_count()));
     const std::size_t n = static_cast<std::size_t>(s.free_frames) * D;
-    const double* b = on_host(ctx, s.b, n, buffer);
-    for (std::size_t i = 0; i < n; ++i) predicted += host_x[i] * b[i];
-    if (!damping.scaled) {
-      for (std::size_t i = 0; i < n; ++i) predicted += lambda * host_x[i] * host_x[i];
-    } else {
-      constexpr std::size_t triangle = frame_block<D>::triangle;
-      const double* H = on_host(ctx, s.H, static_cast<std::size_t>(s.free_frames) * triangle, buffer);
-      for (std::size_t i = 0; i < n; ++i)
-        predicted += damping(H[i / D * triangle + (i % D) * (i % D + 3) / 2]) * host_x[i] * host_x[i];
-    }
+    predicted = detail::dot_in_order(host_x, on_host(ctx, s.b, n, buffer), n, predicted);
+    const double* H = nullptr;
+    if (damping.scaled)
+      H = on_host(ctx, s.H, static_cast<std::size_t>(s.free_frames) * frame_block<D>::triangle, buffer);
+    predicted = detail::damped_square<D>(damping, H, host_x, n, predicted);
     return step;
   }
   int landmarks() const { return problem_.structure_.landmarks; }

@@ -43,7 +43,7 @@ struct linearise_frame_factors {
   TURBOMAP_HD void operator()(int i) const {
     double e[size], d[2][size * D], rho, w = 0;
     bool defined;
-    const bool pair = group.second != nullptr;
+    constexpr int sides = is_pair ? 2 : 1;
     if constexpr (is_pair)
       defined =
           linearise<Frame>(group.factor, states[group.first[i]], states[group.second[i]], group.rows[i], e, d[0], d[1]);
@@ -52,21 +52,21 @@ struct linearise_frame_factors {
     const double chi2 = defined ? detail::squared_length<size>(e) : 0;
     const bool use = defined && detail::is_finite(chi2);
     if (use) group.kernel(chi2, rho, w);
-    for (int side = 0; side < (pair ? 2 : 1); ++side) {
-      double* out =
-          partial + static_cast<std::ptrdiff_t>(group.first_partial + (pair ? 2 : 1) * i + side) * block::partial;
+    for (int side = 0; side < sides; ++side) {
+      double* out = partial + static_cast<std::ptrdiff_t>(group.first_partial + sides * i + side) * block::partial;
       for (int k = 0; k < block::partial; ++k) out[k] = 0;
       if (use) detail::add_normal_equations<size>(d[side], e, w, D, out, out + block::triangle);
     }
-    if (!pair) return;
-    double* out = square + static_cast<std::ptrdiff_t>(group.first_square + i) * block::square;
-    for (int a = 0; a < D; ++a)
-      for (int b = 0; b < D; ++b) {
-        double x = 0;
-        if (use)
-          for (int k = 0; k < size; ++k) x += w * d[0][k * D + a] * d[1][k * D + b];
-        out[a * D + b] = x;
-      }
+    if constexpr (is_pair) {
+      double* out = square + static_cast<std::ptrdiff_t>(group.first_square + i) * block::square;
+      for (int a = 0; a < D; ++a)
+        for (int b = 0; b < D; ++b) {
+          double x = 0;
+          if (use)
+            for (int k = 0; k < size; ++k) x += w * d[0][k * D + a] * d[1][k * D + b];
+          out[a * D + b] = x;
+        }
+    }
   }
 
  private:

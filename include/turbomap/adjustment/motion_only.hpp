@@ -13,6 +13,7 @@
 #include "../context.hpp"
 #include "../error.hpp"
 #include "../math/rotation.hpp"
+#include "damping.hpp"
 #include "factors.hpp"
 #include "linearise_factors.hpp"
 #include "reprojection.hpp"
@@ -143,7 +144,8 @@ struct adjust_one_pose {
   TURBOMAP_HD bool optimise(int first, int last, bool robust, rigid_transform<double>& T_cw, double& best) const {
     best = cost(first, last, robust, T_cw);
     if (!detail::is_finite(best)) return false;
-    double lambda = 0, growth = 2;
+    damping_control control;
+    double& lambda = control.lambda;
     for (int iteration = 0; iteration < options.iterations;) {
       const isometry<double> T = to_isometry<double>(T_cw);
       double H[21] = {}, b[6] = {}, rho;
@@ -159,15 +161,12 @@ struct adjust_one_pose {
           for (int i = 0; i < 6; ++i) predicted += x[i] * (lambda * x[i] + b[i]);
           if (!(predicted > 1e-14 * best)) return true;
           const rigid_transform<double> moved = left_exp(x, T_cw);
-          const double after = cost(first, last, robust, moved), ratio = (best - after) / predicted;
-          if (detail::is_finite(after) && ratio > 0) {
-            const double u = 2 * ratio - 1, s = 1 - u * u * u;
-            lambda *= s < 1.0 / 3 ? 1.0 / 3 : s > 2.0 / 3 ? 2.0 / 3 : s, growth = 2;
-            best = after, T_cw = moved, accepted = true;
-            continue;
-          }
+          const double after = cost(first, last, robust, moved);
+          accepted = control.accepts(best, after, predicted);
+          if (accepted) best = after, T_cw = moved;
+        } else {
+          control.refuse();
         }
-        lambda *= growth, growth *= 2;
       }
     }
     return true;

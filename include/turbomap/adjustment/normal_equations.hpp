@@ -10,6 +10,7 @@
 
 #include "../config.hpp"
 #include "../context.hpp"
+#include "host_sums.hpp"
 #include "linear_solver.hpp"
 #include "problem.hpp"
 #include "schur.hpp"
@@ -76,10 +77,8 @@ class normal_equations {
     const auto x = problem_.estimate(which);
     std::apply([&](auto&... g) { (g.template cost<G>(ctx.policy(), x, costs_, costs_ + n), ...); }, problem_.groups_);
     const double* c = on_host(ctx, costs_, 2 * n, problem_.workspace_.sums);
-    double total = 0, undefined = 0;
-    for (std::size_t i = 0; i < n; ++i) total += c[i], undefined += c[n + i];
-    undefined_ = static_cast<int>(undefined);
-    return total;
+    undefined_ = static_cast<int>(detail::sum_in_order(c + n, n));
+    return detail::sum_in_order(c, n);
   }
 
   /// At the current estimate.

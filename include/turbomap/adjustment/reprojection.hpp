@@ -64,7 +64,7 @@ struct adjustment_camera {
   bool is_body;        ///< T_camera_body is the identity
 
   adjustment_camera() = default;
-  explicit adjustment_camera(const rig_camera<Camera>& c, double stereo_correlation = 0)
+  TURBOMAP_ONE_BODY explicit adjustment_camera(const rig_camera<Camera>& c, double stereo_correlation = 0)
       : camera(c.camera),
         T_camera_body(to_isometry<double>(c.T_camera_body)),
         K(),

@@ -13,20 +13,11 @@
 #include "../config.hpp"
 #include "../math/functions.hpp"
 #include "../math/pack.hpp"
+#include "damping.hpp"
 #include "linearise_frame_factors.hpp"
 #include "structure.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
-
-/// What is added to a diagonal element h of the normal equations.
-struct damping {
-  double lambda;
-  bool scaled = false;  ///< by h itself, kept within [1e-6, 1e32] [Marquardt 1963; the bounds are Ceres']
-
-  TURBOMAP_HD double operator()(double h) const {
-    return scaled ? lambda * (h < 1e-6 ? 1e-6 : h > 1e32 ? 1e32 : h) : lambda;
-  }
-};
 
 /// A landmark after elimination: damped H = L L^T.
 struct eliminated_landmark {
