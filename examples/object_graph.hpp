@@ -86,11 +86,6 @@ template <>
 struct turbomap::keyframe_traits<my::KeyFrame> {
   using descriptor = turbomap::binary_descriptor<256>;
   using rig = turbomap::mono_rig<turbomap::pinhole<float>>;
-  static std::uint64_t id(const my::KeyFrame& k) { return k.id; }
-  static turbomap::rigid_transform<double> pose(const my::KeyFrame& k) {
-    const std::lock_guard<std::mutex> lock(k.mutex);
-    return {0, 0, 0, 1, -k.centre[0], -k.centre[1], -k.centre[2]};
-  }
   static rig cameras(const my::KeyFrame&) { return turbomap::make_mono_rig(my::camera, my::camera.fx * my::baseline); }
   static std::size_t keypoint_count(const my::KeyFrame& k) { return k.features.size(); }
   static turbomap::keypoint keypoint(const my::KeyFrame& k, std::size_t i) {

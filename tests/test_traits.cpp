@@ -57,8 +57,6 @@ template <>
 struct turbomap::keyframe_traits<users::frame> {
   using descriptor = turbomap_test::sample_descriptor;
   using rig = turbomap::mono_rig<turbomap::pinhole<float>>;
-  static std::uint64_t id(const users::frame&) { return 7; }
-  static turbomap::rigid_transform<double> pose(const users::frame&) { return {}; }
   static std::size_t keypoint_count(const users::frame& f) { return f.features.size(); }
   static turbomap::keypoint keypoint(const users::frame& f, std::size_t i) {
     ++f.reads;
@@ -80,8 +78,6 @@ template <>
 struct turbomap::keyframe_traits<users::flat> {
   using descriptor = turbomap_test::sample_descriptor;
   using rig = std::vector<turbomap::rig_camera<turbomap::pinhole<float>>>;
-  static unsigned id(const users::flat&) { return 7; }
-  static turbomap::rigid_transform<float> pose(const users::flat&) { return {}; }
   static int keypoint_count(const users::flat& f) { return static_cast<int>(f.arrays.keypoints.size()); }
   static const turbomap::keypoint& keypoint(const users::flat& f, std::size_t i) { return f.arrays.keypoints[i]; }
   static const std::uint8_t* descriptor_data(const users::flat& f, std::size_t i) {

@@ -6,10 +6,11 @@
 /// The exceptions of the library and the one precondition function. Nothing here prints or ends the program.
 
 #include <cstddef>
+#include <cstdio>
 #include <new>
-#include <sstream>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 
 namespace turbomap {
 
@@ -40,13 +41,26 @@ struct bad_file : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// \name A value as messages print it
+/// Real numbers with nine digits, which tell any two floats apart.
+/// @{
+inline std::string printed(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.9g", value);
+  return text;
+}
+inline std::string printed(const char* value) { return value; }
+inline std::string printed(const std::string& value) { return value; }
+template <class Integer, class = std::enable_if_t<std::is_integral_v<Integer>>>
+std::string printed(Integer value) {
+  return std::to_string(value);
+}
+/// @}
+
 /// Throws std::invalid_argument "turbomap: ARGUMENT = VALUE: RULE".
 template <class Value>
-[[noreturn]] void reject(const char* argument, const Value& value, const char* rule) {
-  std::ostringstream text;
-  text.precision(9);
-  text << "turbomap: " << argument << " = " << value << ": " << rule;
-  throw std::invalid_argument(text.str());
+[[noreturn]] void reject(const std::string& argument, const Value& value, const char* rule) {
+  throw std::invalid_argument("turbomap: " + argument + " = " + printed(value) + ": " + rule);
 }
 
 /// The library's precondition: when `holds` is false, throws std::invalid_argument naming the argument, its value and the

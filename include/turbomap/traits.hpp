@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// How the library reads the user's keyframes, whatever they are: a small struct that he specialises once.
+/// How the library reads the user's keyframes, whatever they are: a small struct that they specialise once.
 ///
 /// This is the interface, as code. A specialisation has static members only; they run on the host, never in a kernel:
 ///
@@ -12,8 +12,6 @@
 ///       using descriptor = turbomap::binary_descriptor<256>;         // what a descriptor is: see descriptor/
 ///       using rig = turbomap::stereo_rig<turbomap::pinhole<float>>;  // or std::vector<rig_camera<Camera>>, ...: has
 ///                                                                    // size() and [i], which is a rig_camera<Camera>
-///       static std::uint64_t id(const my::KeyFrame&);                        // unique in the map
-///       static turbomap::rigid_transform<float> pose(const my::KeyFrame&);   // T_cw, world to body; float or double
 ///       static rig cameras(const my::KeyFrame&);                             // by value or const reference
 ///       static std::size_t keypoint_count(const my::KeyFrame&);              // of all cameras together
 ///       static turbomap::keypoint keypoint(const my::KeyFrame&, std::size_t i);
@@ -32,7 +30,6 @@
 #include <utility>
 
 #include "config.hpp"
-#include "store/keyframe_view.hpp"
 #include "types.hpp"
 
 namespace turbomap {
@@ -65,11 +62,6 @@ template <class K, class T>
 using rig_member = std::void_t<decltype(std::declval<const typename T::rig&>().size()),
                                decltype(std::declval<const typename T::rig&>()[0].T_camera_body)>;
 template <class K, class T>
-using id_member = if_converts<decltype(T::id(std::declval<const K&>())), std::uint64_t>;
-template <class K, class T>
-using pose_member =
-    std::void_t<decltype(T::pose(std::declval<const K&>()).qw), decltype(T::pose(std::declval<const K&>()).tz)>;
-template <class K, class T>
 using cameras_member = if_converts<decltype(T::cameras(std::declval<const K&>())), const typename T::rig&>;
 template <class K, class T>
 using keypoint_count_member = if_converts<decltype(T::keypoint_count(std::declval<const K&>())), std::size_t>;
@@ -92,8 +84,8 @@ inline constexpr bool has_members_v = (has_member<Members, K, T>::value && ...);
 template <class KeyFrame>
 inline constexpr bool has_keyframe_traits_v =
     detail::has_members_v<KeyFrame, keyframe_traits<KeyFrame>, detail::descriptor_member, detail::rig_member,
-                          detail::id_member, detail::pose_member, detail::cameras_member, detail::keypoint_count_member,
-                          detail::keypoint_member, detail::descriptor_data_member>;
+                          detail::cameras_member, detail::keypoint_count_member, detail::keypoint_member,
+                          detail::descriptor_data_member>;
 
 /// Explains in words what keyframe_traits<KeyFrame> lacks: `static_assert(require_keyframe_traits<KeyFrame>());`.
 template <class KeyFrame>
@@ -109,11 +101,6 @@ constexpr bool require_keyframe_traits() {
       !there || detail::has_member<detail::rig_member, K, T>::value,
       "turbomap: keyframe_traits needs `using rig = ...`, with size() and operator[] giving rig_camera<Camera>, e.g. "
       "mono_rig<pinhole<float>>; see docs/traits.md");
-  static_assert(!there || detail::has_member<detail::id_member, K, T>::value,
-                "turbomap: keyframe_traits needs `static std::uint64_t id(const KeyFrame&)`; see docs/traits.md");
-  static_assert(!there || detail::has_member<detail::pose_member, K, T>::value,
-                "turbomap: keyframe_traits needs `static rigid_transform<float> pose(const KeyFrame&)`, T_cw; see "
-                "docs/traits.md");
   static_assert(!there || detail::has_member<detail::cameras_member, K, T>::value,
                 "turbomap: keyframe_traits needs `static rig cameras(const KeyFrame&)`; see docs/traits.md");
   static_assert(

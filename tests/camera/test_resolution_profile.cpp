@@ -4,7 +4,7 @@
 /// \file
 /// The measured resolution is a lower bound for pairs of nearby pixels, and not a needlessly low one.
 
-#include <turbomap/camera/resolution_profile.hpp>
+#include <turbomap/camera/measure_resolution.hpp>
 
 #include <cmath>
 #include <limits>

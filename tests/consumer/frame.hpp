@@ -23,9 +23,10 @@ struct feature {
 };
 /// Looks along +z from (x, 0, 0).
 struct frame {
-  std::uint64_t id;
   double x;
   std::vector<feature> features;
+
+  turbomap::rigid_transform<double> pose() const { return {0, 0, 0, 1, -x, 0, 0}; }  // T_cw
 };
 
 /// The scene point that feature i of every frame sees.
@@ -36,7 +37,7 @@ inline std::vector<frame> make_frames() {
   std::mt19937 random(1);
   std::vector<frame> frames;
   for (int k = 0; k < 3; ++k) {
-    frames.push_back({static_cast<std::uint64_t>(k), 0.4 * k, {}});
+    frames.push_back({0.4 * k, {}});
     for (int i = 0; i < 400; ++i) {
       const auto [x, y, z] = scene_point(i);
       feature f{static_cast<float>(400 * (x - 0.4 * k) / z + 320), static_cast<float>(400 * y / z + 240), {}};
@@ -55,8 +56,6 @@ template <>
 struct turbomap::keyframe_traits<my::frame> {
   using descriptor = turbomap::binary_descriptor<256>;
   using rig = turbomap::mono_rig<turbomap::pinhole<float>>;
-  static std::uint64_t id(const my::frame& f) { return f.id; }
-  static turbomap::rigid_transform<double> pose(const my::frame& f) { return {0, 0, 0, 1, -f.x, 0, 0}; }
   static rig cameras(const my::frame&) { return turbomap::make_mono_rig(turbomap::pinhole<float>{400, 400, 320, 240}); }
   static std::size_t keypoint_count(const my::frame& f) { return f.features.size(); }
   static turbomap::keypoint keypoint(const my::frame& f, std::size_t i) {

@@ -28,7 +28,7 @@ class mapper {
 
   void insert(const frame& f) {
     handles_.push_back(store_.insert(f));
-    poses_.push_back(traits::pose(f));
+    poses_.push_back(f.pose());
   }
   /// The last frame against all before it.
   plans map() {

@@ -6,7 +6,9 @@
 /// What the oracles of the correspondence search and of point creation share: poses, rays and triangulation as a textbook
 /// has them, in Eigen and plain double. Nothing here uses the library's own geometry, only its data and camera models.
 
+#include <turbomap/camera/pinhole.hpp>
 #include <turbomap/matching/search_options.hpp>
+#include <turbomap/store/posed_keyframe.hpp>
 #include <turbomap/types.hpp>
 
 #include <algorithm>

@@ -7,6 +7,7 @@
 
 #include <turbomap/array.hpp>
 #include <turbomap/matching/search_options.hpp>
+#include <turbomap/store/posed_keyframe.hpp>
 #include <turbomap/store/keyframe_packing.hpp>
 
 #include <cstdint>

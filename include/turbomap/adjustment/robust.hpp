@@ -13,6 +13,7 @@
 #include <cmath>
 
 #include "../config.hpp"
+#include "../math/functions.hpp"
 #include "../math/pack.hpp"
 
 namespace turbomap {

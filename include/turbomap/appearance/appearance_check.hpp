@@ -60,8 +60,7 @@ void check_appearance_arguments(const appearance_view& view, span<const posed_ke
   require(offset != nullptr, "view.observation_offset", "null", "is needed");
   require(offset[0] == 0, "view.observation_offset[0]", offset[0], "must be 0");
   for (int i = 0; i < view.count; ++i)
-    if (offset[i + 1] < offset[i])
-      reject(numbered("view.observation_offset", i + 1).c_str(), offset[i + 1], "must ascend");
+    if (offset[i + 1] < offset[i]) reject(numbered("view.observation_offset", i + 1), offset[i + 1], "must ascend");
   require(offset[view.count] == 0 || view.observations != nullptr, "view.observations", "null", "are needed");
   if (options.geometry) {
     require(view.position != nullptr, "view.position", "null", "is needed for geometry");
@@ -73,16 +72,16 @@ void check_appearance_arguments(const appearance_view& view, span<const posed_ke
     for (std::int32_t o = offset[i]; o < offset[i + 1]; ++o) {
       const auto [keyframe, keypoint] = view.observations[o];
       if (keyframe < 0 || keyframe >= keyframe_count)
-        reject((numbered("view.observations", o) + ".keyframe").c_str(), keyframe, "is no keyframe of the call");
+        reject(numbered("view.observations", o) + ".keyframe", keyframe, "is no keyframe of the call");
       if (keypoint < 0 || keypoint >= keyframes[static_cast<std::size_t>(keyframe)].view.keypoint_count)
-        reject((numbered("view.observations", o) + ".keypoint").c_str(), keypoint, "is no keypoint of its keyframe");
+        reject(numbered("view.observations", o) + ".keypoint", keypoint, "is no keypoint of its keyframe");
       is_observer = is_observer || (options.geometry && keyframe == view.reference[i]);
     }
     if (!options.geometry || offset[i] == offset[i + 1]) continue;
-    if (!is_observer) reject(numbered("view.reference", i).c_str(), view.reference[i], "does not observe the point");
+    if (!is_observer) reject(numbered("view.reference", i), view.reference[i], "does not observe the point");
     const vec3<double>& X = view.position[i];
     if (!(is_finite(X.x) && is_finite(X.y) && is_finite(X.z)))
-      reject(numbered("view.position", i).c_str(), X.x + X.y + X.z, "must be finite");
+      reject(numbered("view.position", i), X.x + X.y + X.z, "must be finite");
   }
 }
 

@@ -5,7 +5,6 @@
 /// \file
 /// The pinhole camera, and the two helpers that every camera model here uses.
 
-#include <algorithm>
 #include <cmath>
 
 #include "../config.hpp"
@@ -84,9 +83,7 @@ struct pinhole {
   }
 
   /// Two pixels are at least this many px apart per radian between their rays: least on the optical axis.
-  double min_pixels_per_radian(const image_bounds&) const {
-    return std::min(static_cast<double>(fx), static_cast<double>(fy));
-  }
+  double min_pixels_per_radian(const image_bounds&) const { return static_cast<double>(fx < fy ? fx : fy); }
 
   /// Throws std::invalid_argument naming the parameter that no camera can have.
   void validate() const { detail::validate_intrinsics(*this); }

@@ -12,32 +12,9 @@
 #include "../math/functions.hpp"
 #include "../types.hpp"
 #include "camera_concept.hpp"
-#include "resolution_profile.hpp"
+#include "rig_camera.hpp"
 
 namespace turbomap {
-
-/// One camera of a rig.
-template <class Camera>
-struct rig_camera {
-  Camera camera;
-  rigid_transform<double> T_camera_body;  ///< maps body to camera coordinates, metres; identity: the camera is the body
-  /// Focal length times baseline, px m, of a rectified stereo pair whose left image this is: u_right = u - bf / depth.
-  /// 0: there is no right image.
-  double bf = 0;
-  /// measure_resolution(camera, bounds): makes windows of an epipolar-ordered search on a curved image. The keyframe
-  /// store measures what comes unmeasured.
-  resolution_profile resolution = {};
-};
-
-/// The cameras of a rig wherever they are stored, of a number known at run time only.
-template <class Camera>
-struct rig_view {
-  const rig_camera<Camera>* cameras = nullptr;
-  int count = 0;
-
-  TURBOMAP_HD constexpr int size() const { return count; }
-  TURBOMAP_HD constexpr const rig_camera<Camera>& operator[](int i) const { return cameras[i]; }
-};
 
 /// N cameras of one type on one body; any_camera makes rigs of mixed models.
 template <class Camera, int N>

@@ -63,7 +63,7 @@ void check_map_points(const map_point_view<Descriptor>& points, const duplicate_
 template <class Descriptor, class Camera>
 void check_duplicate_target(std::size_t i, const duplicate_target<Descriptor, Camera>& target, int point_count) {
   const auto demand = [i](bool holds, const char* member, const auto& value, const char* rule) {
-    if (!holds) reject(("targets[" + std::to_string(i) + "]." + member).c_str(), value, rule);
+    if (!holds) reject("targets[" + std::to_string(i) + "]." + member, value, rule);
   };
   const rigid_transform<double>& T = target.T_cw;
   const double sum = T.qx + T.qy + T.qz + T.qw + T.tx + T.ty + T.tz;

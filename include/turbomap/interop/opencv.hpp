@@ -13,6 +13,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
+#include <sstream>
 #include <string>
 #include <type_traits>
 #include <vector>
@@ -27,6 +28,16 @@
 #include "../types.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+/// A size or matrix of OpenCV as it prints itself, for messages.
+template <class Value>
+std::string streamed(const Value& value) {
+  std::ostringstream text;
+  text << value;
+  return text.str();
+}
+}  // namespace detail
 
 /// One keypoint: position, octave, and orientation (0 where OpenCV has none, its -1). Throws std::invalid_argument when the
 /// octave is not in [0, 255]: SIFT packs several numbers into it, unpack them first.
@@ -87,13 +98,15 @@ namespace detail {
 template <class Camera>
 void take_matrix(const cv::Mat& K, Camera& camera) {
   using T = typename Camera::scalar;
-  require(K.rows == 3 && K.cols == 3 && K.channels() == 1, "K.size()", K.size(), "a camera matrix is 3x3");
+  require(K.rows == 3 && K.cols == 3 && K.channels() == 1, "K.size()", detail::streamed(K.size()),
+          "a camera matrix is 3x3");
   require(K.depth() == CV_64F || K.depth() == CV_32F, "K.type()", cv::typeToString(K.type()),
           "must be float or double");
   cv::Matx33d m;
   K.convertTo(m, CV_64F);
   require(m(0, 1) == 0, "K(0, 1)", m(0, 1), "the camera models have no skew");
-  require(m(1, 0) == 0 && m(2, 0) == 0 && m(2, 1) == 0 && m(2, 2) == 1, "K", cv::Mat(m), "is no camera matrix");
+  require(m(1, 0) == 0 && m(2, 0) == 0 && m(2, 1) == 0 && m(2, 2) == 1, "K", detail::streamed(m),
+          "is no camera matrix");
   camera.fx = static_cast<T>(m(0, 0)), camera.fy = static_cast<T>(m(1, 1));
   camera.cx = static_cast<T>(m(0, 2)), camera.cy = static_cast<T>(m(1, 2));
 }
@@ -102,7 +115,7 @@ void take_matrix(const cv::Mat& K, Camera& camera) {
 inline std::vector<double> take_coefficients(const cv::Mat& distortion, std::size_t count) {
   if (distortion.empty()) return std::vector<double>(count, 0.0);
   require(distortion.channels() == 1 && (distortion.rows == 1 || distortion.cols == 1), "distortion.size()",
-          distortion.size(), "must be one row or one column");
+          detail::streamed(distortion.size()), "must be one row or one column");
   require(distortion.depth() == CV_64F || distortion.depth() == CV_32F, "distortion.type()",
           cv::typeToString(distortion.type()), "must be float or double");
   cv::Mat row;

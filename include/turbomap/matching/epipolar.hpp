@@ -11,6 +11,7 @@
 #include "../config.hpp"
 #include "../math/linear.hpp"
 #include "../math/strict.hpp"
+#include "../store/keyframe_view.hpp"
 #include "search_options.hpp"
 #include "triangulation.hpp"
 

@@ -6,7 +6,7 @@
 /// Map points from matches, decoupled from the search: it reads the result where the search left it, and gives a plan.
 
 #include <cstdint>
-#include <sstream>
+#include <string>
 #include <type_traits>
 #include <vector>
 
@@ -211,10 +211,8 @@ void create_points(context<Policy>& ctx, const correspondences<Descriptor, Camer
   const auto& search = matches.view();
   const float searched = search.options.scales.scale_factor;
   if (options.scales.scale_factor != searched) {  // octaves would be compared by two rules
-    std::ostringstream rule;
-    rule.precision(9);
-    rule << "must be that of the search, " << searched;
-    reject("options.scales.scale_factor", options.scales.scale_factor, rule.str().c_str());
+    const std::string rule = "must be that of the search, " + printed(searched);
+    reject("options.scales.scale_factor", options.scales.scale_factor, rule.c_str());
   }
   const int count = search.neighbour_count * search.slot_count;
   result.points_.resize_discard(static_cast<std::size_t>(count));

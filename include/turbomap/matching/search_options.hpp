@@ -7,7 +7,6 @@
 
 #include <cstdint>
 
-#include "../store/posed_keyframe.hpp"
 #include "../types.hpp"
 
 namespace turbomap {

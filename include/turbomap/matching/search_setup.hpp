@@ -20,6 +20,7 @@
 #include "../math/functions.hpp"
 #include "../math/scale_table.hpp"
 #include "../store/keyframe_validation.hpp"
+#include "../store/posed_keyframe.hpp"
 #include "correspondences.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -175,18 +176,17 @@ class search_setup {
     const rigid_transform<double>& T = k.T_cw;
     const double sum = T.qx + T.qy + T.qz + T.qw + T.tx + T.ty + T.tz;
     const double norm = T.qx * T.qx + T.qy * T.qy + T.qz * T.qz + T.qw * T.qw;
-    if (!detail::is_finite(sum)) reject((argument + ".T_cw").c_str(), sum, "a pose must be finite");
-    if (!(std::abs(norm - 1) < 1e-3)) reject((argument + ".T_cw squared quaternion norm").c_str(), norm, "must be 1");
+    if (!detail::is_finite(sum)) reject(argument + ".T_cw", sum, "a pose must be finite");
+    if (!(std::abs(norm - 1) < 1e-3)) reject(argument + ".T_cw squared quaternion norm", norm, "must be 1");
     if (!(k.view.keypoint_count >= 0))
-      reject((argument + ".view.keypoint_count").c_str(), k.view.keypoint_count, "must not be negative");
+      reject(argument + ".view.keypoint_count", k.view.keypoint_count, "must not be negative");
     if (!(k.view.camera_count >= 1 && k.view.cameras != nullptr))
-      reject((argument + ".view.camera_count").c_str(), k.view.camera_count,
-             "a keyframe needs a rig of at least one camera");
+      reject(argument + ".view.camera_count", k.view.camera_count, "a keyframe needs a rig of at least one camera");
     if (!(k.has_point.empty() || k.has_point.size() == static_cast<std::size_t>(k.view.keypoint_count)))
-      reject((argument + ".has_point.size()").c_str(), k.has_point.size(), "must be 0 or the number of keypoints");
+      reject(argument + ".has_point.size()", k.has_point.size(), "must be 0 or the number of keypoints");
     if (k.view.keypoint_count > 0 && (k.view.pixel == nullptr || k.view.bearing == nullptr ||
                                       k.view.octave == nullptr || k.view.descriptor == nullptr))
-      reject((argument + ".view").c_str(), "null", "pixel, bearing, octave and descriptor are needed");
+      reject(argument + ".view", "null", "pixel, bearing, octave and descriptor are needed");
     if constexpr (std::is_same_v<memory_of_t<Policy>, host_memory>)  // a device's views cannot be read here
       if (!has_cameras(k.view)) require_cameras(k.view, (argument + ".view").c_str());
   }

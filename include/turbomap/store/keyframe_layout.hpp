@@ -17,13 +17,6 @@
 
 namespace turbomap {
 
-/// How keyframes are packed; the same for all keyframes of a store.
-struct keyframe_packing_options {
-  int grid_columns = 64;      ///< cells per image row [ORB-SLAM3]; 0: no cell index
-  int grid_rows = 48;         ///< cells per image column [ORB-SLAM3]; 0: no cell index
-  turbomap::pyramid pyramid;  ///< octaves must be below its levels
-};
-
 /// Offsets in bytes from the start of the block, each a multiple of block_alignment; `absent` for an array that is left
 /// out.
 struct keyframe_layout {

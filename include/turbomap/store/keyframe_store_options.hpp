@@ -10,10 +10,16 @@
 #include <memory_resource>
 
 #include "../config.hpp"
-#include "../error.hpp"
-#include "keyframe_validation.hpp"
+#include "../types.hpp"
 
 namespace turbomap {
+
+/// How keyframes are packed; the same for all keyframes of a store.
+struct keyframe_packing_options {
+  int grid_columns = 64;      ///< cells per image row [ORB-SLAM3]; 0: no cell index
+  int grid_rows = 48;         ///< cells per image column [ORB-SLAM3]; 0: no cell index
+  turbomap::pyramid pyramid;  ///< octaves must be below its levels
+};
 
 /// How a keyframe store is set up.
 struct keyframe_store_options {
@@ -48,13 +54,3 @@ struct keyframe_store_statistics {
 };
 
 }  // namespace turbomap
-
-TURBOMAP_BEGIN_NAMESPACE
-
-/// Throws std::invalid_argument naming the option when one makes no sense.
-inline void validate(const keyframe_store_options& options) {
-  validate(options.packing);
-  require(options.chunk_bytes > 0, "chunk_bytes", options.chunk_bytes, "must not be 0");
-}
-
-TURBOMAP_END_NAMESPACE

@@ -14,7 +14,7 @@
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../math/functions.hpp"
-#include "keyframe_layout.hpp"
+#include "keyframe_store_options.hpp"
 #include "keyframe_view.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -32,10 +32,16 @@ inline void validate(const keyframe_packing_options& options) {
           options.pyramid.scale_factor, "must be finite and at least 1");
 }
 
+/// Throws std::invalid_argument naming the option when one makes no sense.
+inline void validate(const keyframe_store_options& options) {
+  validate(options.packing);
+  require(options.chunk_bytes > 0, "chunk_bytes", options.chunk_bytes, "must not be 0");
+}
+
 namespace detail {
 template <class Value>
 void require_keypoint(bool holds, int index, const char* field, const Value& value, const char* rule) {
-  if (!holds) reject(("keypoints[" + std::to_string(index) + "]." + field).c_str(), value, rule);
+  if (!holds) reject("keypoints[" + std::to_string(index) + "]." + field, value, rule);
 }
 
 /// All of it in one branch: this runs over every keypoint.
@@ -79,8 +85,7 @@ bool has_cameras(const keyframe_view<Descriptor, Camera>& view) {
 template <class Descriptor, class Camera>
 void require_cameras(const keyframe_view<Descriptor, Camera>& view, const char* argument) {
   if (!has_cameras(view))
-    reject((std::string(argument) + ".camera").c_str(), int{detail::most_camera(view)},
-           "must be below the number of cameras");
+    reject(std::string(argument) + ".camera", int{detail::most_camera(view)}, "must be below the number of cameras");
 }
 
 /// Throws std::invalid_argument naming argument, index and value when the keyframe cannot be stored: missing arrays, no

@@ -9,7 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "../camera/rig.hpp"
+#include "../camera/rig_camera.hpp"
 #include "../config.hpp"
 #include "../types.hpp"
 

@@ -10,8 +10,8 @@
 #include <cstring>
 #include <vector>
 
+#include "../camera/measure_resolution.hpp"
 #include "../camera/resolution_profile.hpp"
-#include "../camera/rig.hpp"
 #include "../config.hpp"
 #include "../types.hpp"
 
