@@ -14,14 +14,10 @@
 
 #include <doctest/doctest.h>
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
+
+#include "support/policies.hpp"
 
 namespace {
-
-using sequential = std::decay_t<decltype(thrust::seq)>;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
 
 constexpr int cells = 7;
 constexpr std::uint64_t all_ones = ~std::uint64_t{0};
@@ -42,7 +38,7 @@ struct contend {
   }
 };
 
-TEST_CASE_TEMPLATE("many at once", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("many at once", Policy, TURBOMAP_TEST_POLICIES) {
   const int n = 700000;
   std::vector<std::int32_t> counts(cells, 5);
   std::vector<std::uint64_t> least(cells, all_ones), expected(cells, all_ones);

@@ -7,8 +7,6 @@
 #include <turbomap/error.hpp>
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include <atomic>
 #include <cstdint>
@@ -18,15 +16,14 @@
 
 #include "context_cases.hpp"
 #include "scenes/keyframe_samples.hpp"
+#include "support/policies.hpp"
 
 namespace {
 
 using turbomap_test::counting_resource;
-using sequential = std::decay_t<decltype(thrust::seq)>;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
+using turbomap_test::sequential;
 
-TEST_CASE_TEMPLATE("loops, copies, uploads and scratch", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("loops, copies, uploads and scratch", Policy, TURBOMAP_TEST_POLICIES) {
   turbomap_test::check_parallel(Policy{});
   turbomap_test::check_scratch(Policy{});
   turbomap_test::check_upload(Policy{});

@@ -7,8 +7,6 @@
 #include <doctest/doctest.h>
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include <limits>
 #include <stdexcept>
@@ -18,6 +16,7 @@
 #include "adjustment_scene_oracle.hpp"
 #include "covariance_cases.hpp"
 #include "reference/eigen.hpp"
+#include "support/policies.hpp"
 TURBOMAP_TEST_EIGEN_BEGIN
 #include <Eigen/LU>
 TURBOMAP_TEST_EIGEN_END
@@ -25,9 +24,7 @@ TURBOMAP_TEST_EIGEN_END
 namespace {
 
 using namespace turbomap_test;
-using sequential = std::decay_t<decltype(thrust::seq)>;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
+using turbomap_test::sequential;
 
 std::vector<double> oracle_covariance(const adjustment_scene& s, const std::vector<std::int32_t>& frames) {
   const oracle_problem o = oracle_of(s);
@@ -48,8 +45,8 @@ std::vector<double> oracle_covariance(const adjustment_scene& s, const std::vect
   return result;
 }
 
-TEST_CASE_TEMPLATE("the covariance is the block of the inverse of all normal equations", Policy, sequential, omp,
-                   tbb_policy) {
+TEST_CASE_TEMPLATE("the covariance is the block of the inverse of all normal equations", Policy,
+                   TURBOMAP_TEST_POLICIES) {
   for (const auto kind : {scene_kind::mono, scene_kind::stereo, scene_kind::fisheye_rig}) {
     CAPTURE(static_cast<int>(kind));
     const auto s = make_adjustment_scene(kind, 5, 2, 25, 7);

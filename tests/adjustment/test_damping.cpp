@@ -6,23 +6,20 @@
 #include <doctest/doctest.h>
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include <stdexcept>
 #include <type_traits>
 
 #include "adjustment_cases.hpp"
 #include "adjustment_scene_oracle.hpp"
+#include "support/policies.hpp"
 
 namespace {
 
 using namespace turbomap_test;
 using turbomap::precision;
 using turbomap::reduced_solver;
-using sequential = std::decay_t<decltype(thrust::seq)>;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
+using turbomap_test::sequential;
 
 turbomap::adjustment_options diagonal() {
   turbomap::adjustment_options options;
@@ -37,7 +34,7 @@ TEST_CASE("an element is damped by itself, within bounds, or by lambda alone") {
   CHECK(turbomap::damping{0.5, true}(1e40) == 0.5e32);
 }
 
-TEST_CASE_TEMPLATE("steps damped by the diagonal are the oracle's", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("steps damped by the diagonal are the oracle's", Policy, TURBOMAP_TEST_POLICIES) {
   for (const auto kind : {scene_kind::mono, scene_kind::stereo, scene_kind::fisheye_rig}) {
     CAPTURE(static_cast<int>(kind));
     const auto s = make_adjustment_scene(kind, 5, 2, 25, 7);

@@ -7,8 +7,6 @@
 #include <doctest/doctest.h>
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include <cstring>
 #include <limits>
@@ -20,6 +18,7 @@
 #include "adjustment_factors.hpp"
 #include "adjustment_scene_oracle.hpp"
 #include "reference/adjustment_oracle.hpp"
+#include "support/policies.hpp"
 
 namespace {
 
@@ -29,12 +28,10 @@ using turbomap::adjustment_options;
 using turbomap::precision;
 using turbomap::reduced_solver;
 using turbomap::span;
-using sequential = std::decay_t<decltype(thrust::seq)>;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
+using turbomap_test::sequential;
 constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
 
-TEST_CASE_TEMPLATE("every kind of observation converges as the oracle does", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("every kind of observation converges as the oracle does", Policy, TURBOMAP_TEST_POLICIES) {
   for (const auto kind : {scene_kind::mono, scene_kind::stereo, scene_kind::fisheye_rig}) {
     CAPTURE(static_cast<int>(kind));
     const auto s = make_adjustment_scene(kind, 5, 2, 25, 7);
@@ -162,7 +159,7 @@ TEST_CASE("chi2 and depth of every observation, in the order of the input") {
 }
 
 /// A problem of factors of one's own alone: odometry, a prior, bearings by dual numbers.
-TEST_CASE_TEMPLATE("factors of one's own of every kind", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("factors of one's own of every kind", Policy, TURBOMAP_TEST_POLICIES) {
   auto s = make_adjustment_scene(scene_kind::mono, 6, 0, 30, 5);
   std::vector<prior_factor::row> priors;
   std::vector<std::int32_t> prior_frames{0, 3, 0}, first{0, 2, 2, 5, 4}, second{1, 1, 3, 0, 3};
@@ -252,7 +249,7 @@ void check_unchanged(const adjusted& a, const adjustment_scene& s, adjustment_en
   CHECK(distance(a, adjusted{{}, s.poses, s.points}) == 0);
 }
 
-TEST_CASE_TEMPLATE("degenerate problems end with a reason and unchanged", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("degenerate problems end with a reason and unchanged", Policy, TURBOMAP_TEST_POLICIES) {
   const auto good = make_adjustment_scene(scene_kind::stereo, 4, 1, 12, 2);
   SUBCASE("nothing at all") {
     const adjustment_scene s = make_adjustment_scene(scene_kind::stereo, 0, 0, 0, 2);
@@ -326,7 +323,7 @@ TEST_CASE_TEMPLATE("degenerate problems end with a reason and unchanged", Policy
   }
 }
 
-TEST_CASE_TEMPLATE("hard problems end, and never worse", Policy, sequential, omp) {
+TEST_CASE_TEMPLATE("hard problems end, and never worse", Policy, TURBOMAP_TEST_TWO_POLICIES) {
   auto s = make_adjustment_scene(scene_kind::stereo, 5, 1, 30, 2);
   adjustment_options options;
   options.max_iterations = 30;

@@ -7,22 +7,19 @@
 #include <doctest/doctest.h>
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include <cmath>
 
 #include "motion_only_cases.hpp"
 #include "reference/adjustment_oracle.hpp"
+#include "support/policies.hpp"
 
 namespace {
 
 using namespace turbomap_test;
-using sequential = std::decay_t<decltype(thrust::seq)>;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
+using turbomap_test::sequential;
 
-TEST_CASE_TEMPLATE("poses are found among outliers, and outliers told", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("poses are found among outliers, and outliers told", Policy, TURBOMAP_TEST_POLICIES) {
   check_poses_found(Policy{});
 }
 
@@ -86,11 +83,11 @@ TEST_CASE("without robust rounds outliers pull; what is behind the camera is an 
   for (int i = 0; i < in.begin[1]; i += 5) CHECK(after.outlier[static_cast<std::size_t>(i)] == 1);
 }
 
-TEST_CASE_TEMPLATE("frames that cannot be adjusted stay to the bit; the others do not mind", Policy, sequential, omp,
-                   tbb_policy) {
+TEST_CASE_TEMPLATE("frames that cannot be adjusted stay to the bit; the others do not mind", Policy,
+                   TURBOMAP_TEST_POLICIES) {
   check_poses_refused(Policy{});
 }
 
-TEST_CASE_TEMPLATE("bad input is refused", Policy, sequential, omp, tbb_policy) { check_bad_frames(Policy{}); }
+TEST_CASE_TEMPLATE("bad input is refused", Policy, TURBOMAP_TEST_POLICIES) { check_bad_frames(Policy{}); }
 
 }  // namespace

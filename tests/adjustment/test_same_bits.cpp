@@ -7,8 +7,6 @@
 #include <doctest/doctest.h>
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include <cstdint>
 #include <vector>
@@ -18,6 +16,7 @@
 #include "adjustment_results.hpp"
 #include "covariance_cases.hpp"
 #include "motion_only_cases.hpp"
+#include "support/policies.hpp"
 
 namespace {
 
@@ -27,9 +26,7 @@ using turbomap::damping_rule;
 using turbomap::precision;
 using turbomap::reduced_solver;
 using turbomap::span;
-using sequential = std::decay_t<decltype(thrust::seq)>;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
+using turbomap_test::sequential;
 
 bool same(const adjusted& a, const adjusted& b) {
   return same_bits(a.summary, b.summary) && same_bits(a.poses, b.poses) && same_bits(a.points, b.points);
@@ -48,8 +45,7 @@ TEST_CASE("the same bits for any policy, any number of threads and any call") {
           options.numbers = numbers, options.solver = solver, options.damping = damping;
           const auto a = adjust_scene(sequential{}, s, options);
           CHECK(same(adjust_scene(sequential{}, s, options), a));
-          CHECK(same(adjust_scene(omp{}, s, options), a));
-          CHECK(same(adjust_scene(tbb_policy{}, s, options), a));
+          for_each_parallel_policy([&](auto policy) { CHECK(same(adjust_scene(policy, s, options), a)); });
         }
   }
 }
@@ -94,8 +90,7 @@ TEST_CASE("factors of the user's own") {
     adjustment_options options;
     options.solver = solver, options.max_iterations = 5;
     const auto a = adjust_own_factors(sequential{}, s, options);
-    CHECK(same(adjust_own_factors(omp{}, s, options), a));
-    CHECK(same(adjust_own_factors(tbb_policy{}, s, options), a));
+    for_each_parallel_policy([&](auto policy) { CHECK(same(adjust_own_factors(policy, s, options), a)); });
   }
 }
 
@@ -112,12 +107,10 @@ TEST_CASE("chi2 of every observation, covariance of frames") {
     return chi2;
   };
   const auto chi2 = chi2_of(sequential{});
-  CHECK(same_bits(chi2_of(omp{}), chi2));
-  CHECK(same_bits(chi2_of(tbb_policy{}), chi2));
+  for_each_parallel_policy([&](auto policy) { CHECK(same_bits(chi2_of(policy), chi2)); });
   const auto covariance = covariance_of(sequential{}, s, {0, 2});
   REQUIRE(covariance.size() == 144);
-  CHECK(same_bits(covariance_of(omp{}, s, {0, 2}), covariance));
-  CHECK(same_bits(covariance_of(tbb_policy{}, s, {0, 2}), covariance));
+  for_each_parallel_policy([&](auto policy) { CHECK(same_bits(covariance_of(policy, s, {0, 2}), covariance)); });
 }
 
 TEST_CASE("poses from fixed points") {
@@ -128,10 +121,11 @@ TEST_CASE("poses from fixed points") {
     return poses;
   };
   const posed a = adjust_poses(sequential{}, in, {});
-  for (const posed& b : {adjust_poses(omp{}, in, {}), adjust_poses(tbb_policy{}, in, {})}) {
+  for_each_parallel_policy([&](auto policy) {
+    const posed b = adjust_poses(policy, in, {});
     CHECK(same_bits(bits(b), bits(a)));
     CHECK(b.outlier == a.outlier);
-  }
+  });
 }
 
 }  // namespace

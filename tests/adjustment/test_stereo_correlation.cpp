@@ -7,21 +7,17 @@
 #include <doctest/doctest.h>
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include <turbomap/adjustment/reprojection.hpp>
 
 #include "mapping/local_adjustment_cases.hpp"
 #include "stereo_correlation_cases.hpp"
+#include "support/policies.hpp"
 
 namespace {
 
 using namespace turbomap_test;
 using namespace turbomap;
-using sequential = std::decay_t<decltype(thrust::seq)>;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
 
 TEST_CASE("the third row: its square, its derivatives; without correlation as if there were none, to the bit") {
   const rig_camera<pinhole<double>> mounted{
@@ -55,15 +51,13 @@ TEST_CASE("the third row: its square, its derivatives; without correlation as if
   }
 }
 
-TEST_CASE_TEMPLATE("chi2 and cost of an adjustment are those of the covariance", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("chi2 and cost of an adjustment are those of the covariance", Policy, TURBOMAP_TEST_POLICIES) {
   check_correlated_adjustment(Policy{});
 }
 
-TEST_CASE_TEMPLATE("a weak link is estimated better", Policy, sequential, omp, tbb_policy) {
-  check_weak_link(Policy{});
-}
+TEST_CASE_TEMPLATE("a weak link is estimated better", Policy, TURBOMAP_TEST_POLICIES) { check_weak_link(Policy{}); }
 
-TEST_CASE_TEMPLATE("poses alone: outliers by the covariance", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("poses alone: outliers by the covariance", Policy, TURBOMAP_TEST_POLICIES) {
   check_correlated_poses(Policy{});
 }
 
@@ -81,7 +75,7 @@ TEST_CASE("an adjustment of a map passes it on, and refuses what is none") {
   CHECK(bad.state() == before);
 }
 
-TEST_CASE_TEMPLATE("a correlation that is none is refused", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("a correlation that is none is refused", Policy, TURBOMAP_TEST_POLICIES) {
   check_bad_correlations(Policy{});
 }
 

@@ -6,8 +6,6 @@
 #include <turbomap/io/recording.hpp>
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include <array>
 #include <cstdio>
@@ -15,6 +13,7 @@
 #include <random>
 
 #include "appearance_cases.hpp"
+#include "support/policies.hpp"
 #include "support/support.hpp"
 
 namespace turbomap_test {
@@ -64,10 +63,8 @@ namespace {
 using namespace turbomap_test;
 using turbomap::distance_order;
 using turbomap::real_descriptor;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
 
-TEST_CASE_TEMPLATE("points of pinhole keyframes", Policy, one_by_one, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("points of pinhole keyframes", Policy, TURBOMAP_TEST_POLICIES) {
   const Policy policy{};
   unsigned seed = 1;
   for (const motion how : {motion::sideways, motion::forward, motion::turn_at_origin, motion::anything})
@@ -75,13 +72,13 @@ TEST_CASE_TEMPLATE("points of pinhole keyframes", Policy, one_by_one, omp, tbb_p
   check_update<Policy, orb_bits>(policy, pinhole_rig(), 11, motion::anything, 3, 2.0F);
   check_update<Policy, orb_bits>(policy, pinhole_rig(), 12, motion::anything, 1, 1.0F);
 }
-TEST_CASE_TEMPLATE("points of fisheye and mixed rigs", Policy, one_by_one, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("points of fisheye and mixed rigs", Policy, TURBOMAP_TEST_POLICIES) {
   const Policy policy{};
   check_update<Policy, orb_bits>(policy, fisheye_rig(), 21, motion::anything);
   check_update<Policy, orb_bits>(policy, fisheye_rig(3), 22);
   check_update<Policy, orb_bits>(policy, mixed_rig(), 23, motion::anything);
 }
-TEST_CASE_TEMPLATE("other descriptors", Policy, one_by_one, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("other descriptors", Policy, TURBOMAP_TEST_POLICIES) {
   const Policy policy{};
   check_update<Policy, turbomap::binary_descriptor<488>>(policy, pinhole_rig(), 31);
   check_update<Policy, real_descriptor<float, 64>>(policy, pinhole_rig(), 32);
@@ -145,11 +142,13 @@ TEST_CASE("distances become integers in the same order") {
   CHECK(midpoint(0xFFFFFFF0u, 0xFFFFFFFFu) == 0xFFFFFFF7u);
 }
 
-TEST_CASE_TEMPLATE("points that need no oracle", Policy, one_by_one, omp, tbb_policy) { check_known_points<Policy>(); }
-TEST_CASE_TEMPLATE("nothing to update", Policy, one_by_one, omp, tbb_policy) { check_empty_updates<Policy>(); }
-TEST_CASE_TEMPLATE("descriptors that are no numbers", Policy, one_by_one, omp) { check_descriptors_of_nan<Policy>(); }
-TEST_CASE_TEMPLATE("arguments", Policy, one_by_one, omp) { check_update_arguments<Policy>(); }
-TEST_CASE_TEMPLATE("memory", Policy, one_by_one, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("points that need no oracle", Policy, TURBOMAP_TEST_POLICIES) { check_known_points<Policy>(); }
+TEST_CASE_TEMPLATE("nothing to update", Policy, TURBOMAP_TEST_POLICIES) { check_empty_updates<Policy>(); }
+TEST_CASE_TEMPLATE("descriptors that are no numbers", Policy, TURBOMAP_TEST_TWO_POLICIES) {
+  check_descriptors_of_nan<Policy>();
+}
+TEST_CASE_TEMPLATE("arguments", Policy, TURBOMAP_TEST_TWO_POLICIES) { check_update_arguments<Policy>(); }
+TEST_CASE_TEMPLATE("memory", Policy, TURBOMAP_TEST_POLICIES) {
   check_update_allocations<Policy>(std::pmr::get_default_resource());
 }
 
@@ -226,8 +225,8 @@ void check_recorded_update(recorded_keyframes& keyframes, const std::filesystem:
   turbomap::appearance_options geometry, descriptors;
   geometry.scales = descriptors.scales = keyframes.recording.meta.pyramid();
   geometry.descriptors = false, descriptors.geometry = false;
-  turbomap::context<omp> ctx{omp{}};
-  turbomap::appearances<orb_bits, fisheye_camera, omp> updates(ctx);
+  turbomap::context<parallel> ctx{parallel{}};
+  turbomap::appearances<orb_bits, fisheye_camera, parallel> updates(ctx);
   update_plan<orb_bits> measured, represented;
   turbomap::update_appearance(ctx, all.view(), turbomap::span<const posed>(keyframes.all), geometry, updates);
   updates.plan(ctx, measured.points, measured.descriptors);

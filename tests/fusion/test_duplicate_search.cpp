@@ -6,27 +6,24 @@
 #include <turbomap/descriptor/real.hpp>
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include "duplicate_cases.hpp"
+#include "support/policies.hpp"
 
 namespace {
 
 using namespace turbomap_test;
 using turbomap::duplicate_options;
 using turbomap::duplicate_outcome;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-TEST_CASE_TEMPLATE("pinhole keyframes, as the oracle says", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("pinhole keyframes, as the oracle says", Policy, TURBOMAP_TEST_POLICIES) {
   check_duplicate_tally(check_scenes(Policy{}, pinhole_rig(), seeded(10)), 10);
   check_duplicate_tally(check_scenes(Policy{}, pinhole_rig(50), seeded(20)), 10);
 }
-TEST_CASE_TEMPLATE("fisheye rigs of one to three cameras, as the oracle says", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("fisheye rigs of one to three cameras, as the oracle says", Policy, TURBOMAP_TEST_POLICIES) {
   check_duplicate_tally(check_scenes(Policy{}, fisheye_rigs(), seeded(30)), 10);
 }
 TEST_CASE("every camera model, and rigs of mixed ones") {
@@ -63,7 +60,7 @@ TEST_CASE("other thresholds") {
   CHECK(t.outcomes[0] > 10);
 }
 
-TEST_CASE_TEMPLATE("without ranges and normals, which may then be missing", Policy, sequential, tbb_policy) {
+TEST_CASE_TEMPLATE("without ranges and normals, which may then be missing", Policy, TURBOMAP_TEST_TWO_POLICIES) {
   duplicate_options options;
   options.range_gate = false, options.min_view_cosine = -1;
   for (const int octave : {0, 3}) {
@@ -86,7 +83,7 @@ TEST_CASE("any grid, and none") {
     duplicate_recipe recipe = seeded(120);
     recipe.columns = columns, recipe.rows = rows;
     check_duplicate_tally(check_scenes(sequential{}, pinhole_rig(50), recipe), 5);
-    check_duplicate_tally(check_scenes(tbb_policy{}, fisheye_rigs(), recipe), 5);
+    check_duplicate_tally(check_scenes(turbomap_test::parallel{}, fisheye_rigs(), recipe), 5);
   }
 }
 
@@ -119,14 +116,14 @@ TEST_CASE("points on the threshold: what is rejected early would not have matche
   }
 }
 
-TEST_CASE_TEMPLATE("numbers that are not finite match nothing", Policy, sequential, tbb_policy) {
+TEST_CASE_TEMPLATE("numbers that are not finite match nothing", Policy, TURBOMAP_TEST_TWO_POLICIES) {
   duplicate_recipe recipe = seeded(160);
   recipe.not_finite = 0.5;
   check_duplicate_tally(check_scenes(Policy{}, pinhole_rig(50), recipe), 5);
   check_duplicate_tally(check_scenes(Policy{}, fisheye_rigs(), recipe), 5);
 }
 
-TEST_CASE_TEMPLATE("nothing to do, and very little", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("nothing to do, and very little", Policy, TURBOMAP_TEST_POLICIES) {
   for (const auto& [targets, points, clutter] :
        {std::array{0, 0, 0}, std::array{3, 0, 50}, std::array{1, 1, 0}, std::array{1, 1, 1}, std::array{5, 64, 0},
         std::array{1, 65, 0}, std::array{2, 192, 3}}) {

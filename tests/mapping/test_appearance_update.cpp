@@ -5,8 +5,6 @@
 /// The update of points on a user's map under every host policy: against the oracle, and what is passed over.
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include <limits>
 #include <random>
@@ -17,14 +15,13 @@
 #include "duplicate_fusion_cases.hpp"
 #include "scenes/lying_map.hpp"
 #include "scenes/watched_map.hpp"
+#include "support/policies.hpp"
 
 namespace {
 
 using namespace turbomap_test;
-using seq = std::decay_t<decltype(thrust::seq)>;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
 using turbomap::map_point_id;
+using turbomap_test::sequential;
 
 /// A few keyframes whose points have gone stale: positions moved, appearances wiped.
 template <class Map, class Camera, class Policy>
@@ -75,13 +72,13 @@ void check_against_oracle(const test_rig<Camera>& rig, unsigned seed) {
   CHECK(s.held.count == 2);
 }
 
-TEST_CASE_TEMPLATE("all points, against the oracle", Policy, seq, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("all points, against the oracle", Policy, TURBOMAP_TEST_POLICIES) {
   check_against_oracle<Policy>(pinhole_rig(50), 1);
   check_against_oracle<Policy>(fisheye_rig(2), 2);
 }
 
 TEST_CASE("dead, empty, repeated and unobserved points are passed over") {
-  stale_map<flat_map, pinhole_camera, seq> s(pinhole_rig(50));
+  stale_map<flat_map, pinhole_camera, sequential> s(pinhole_rig(50));
   const auto before = content(s.run.map);
   CHECK(s({}) == 0);
   CHECK(s({map_point_id{}, map_point_id{}}) == 0);
@@ -90,11 +87,11 @@ TEST_CASE("dead, empty, repeated and unobserved points are passed over") {
   const auto dead = s.points[0], one = s.points[1];
   turbomap::erase_point(s.run.map, dead);
   CHECK(s({one, dead, one, map_point_id{}, lonely, s.points[2], one}) == 2);
-  CHECK(stale_map<flat_map, pinhole_camera, seq>::traits::max_distance(s.run.map, lonely) == 0);
+  CHECK(stale_map<flat_map, pinhole_camera, sequential>::traits::max_distance(s.run.map, lonely) == 0);
 }
 
 TEST_CASE("observers that are not in the store do not count") {
-  stale_map<flat_map, pinhole_camera, seq> s(pinhole_rig(50)), expected(pinhole_rig(50));
+  stale_map<flat_map, pinhole_camera, sequential> s(pinhole_rig(50)), expected(pinhole_rig(50));
   const auto outside = s.run.keyframes()[2];
   std::size_t spare = 0;
   while (s.run.map.point_at(outside, spare) != map_point_id{}) ++spare;
@@ -123,7 +120,7 @@ TEST_CASE("observers that are not in the store do not count") {
 
 TEST_CASE("what is not asked for stays as it is") {
   using traits = turbomap::map_traits<flat_map>;
-  stale_map<flat_map, pinhole_camera, seq> s(pinhole_rig(50)), whole(pinhole_rig(50));
+  stale_map<flat_map, pinhole_camera, sequential> s(pinhole_rig(50)), whole(pinhole_rig(50));
   whole(whole.points);
   s.options.geometry = false;
   CHECK(s(s.points) == s.points.size());
@@ -134,7 +131,7 @@ TEST_CASE("what is not asked for stays as it is") {
     for (int e = 0; e < 32; ++e)
       CHECK(traits::descriptor_data(s.run.map, p)[e] == traits::descriptor_data(whole.run.map, p)[e]);
   }
-  stale_map<flat_map, pinhole_camera, seq> g(pinhole_rig(50));
+  stale_map<flat_map, pinhole_camera, sequential> g(pinhole_rig(50));
   g.options.descriptors = false;
   CHECK(g(g.points) == g.points.size());
   for (const auto p : g.points) {
@@ -145,7 +142,7 @@ TEST_CASE("what is not asked for stays as it is") {
 
 TEST_CASE("a point that dies meanwhile is left alone, and so is the one that got its place") {
   using map = watched_map<mapped_descriptor>;
-  stale_map<map, pinhole_camera, seq> s(pinhole_rig(50));
+  stale_map<map, pinhole_camera, sequential> s(pinhole_rig(50));
   const auto victim = s.points[3];
   int times = 0;
   map_point_id heir;
@@ -164,7 +161,7 @@ TEST_CASE("a point that dies meanwhile is left alone, and so is the one that got
 
 TEST_CASE(
     "maps that contradict themselves, positions that are not finite, bad options: refused, and no point is changed") {
-  stale_map<lying_map, pinhole_camera, seq> s(pinhole_rig(50));
+  stale_map<lying_map, pinhole_camera, sequential> s(pinhole_rig(50));
   auto& map = s.run.map;
   const auto victim = s.points[s.points.size() / 2];
   auto before = content(static_cast<flat_map&>(map));

@@ -6,8 +6,6 @@
 /// keyframes; maps that contradict themselves.
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include <stdexcept>
 #include <type_traits>
@@ -16,18 +14,17 @@
 #include "duplicate_fusion_cases.hpp"
 #include "scenes/lying_map.hpp"
 #include "scenes/watched_map.hpp"
+#include "support/policies.hpp"
 
 namespace {
 
 using namespace turbomap_test;
-using seq = std::decay_t<decltype(thrust::seq)>;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
+using turbomap_test::sequential;
 
-TEST_CASE_TEMPLATE("a stereo pair: both modes, all merge rules", Policy, seq, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("a stereo pair: both modes, all merge rules", Policy, TURBOMAP_TEST_POLICIES) {
   check_fusions(Policy{}, pinhole_rig(50), 1);
 }
-TEST_CASE_TEMPLATE("a fisheye rig of two cameras", Policy, seq, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("a fisheye rig of two cameras", Policy, TURBOMAP_TEST_POLICIES) {
   const auto tally = check_fusions(Policy{}, fisheye_rig(2), 100, 1);
   CHECK(tally.conflicts > 0);
 }
@@ -36,8 +33,8 @@ TEST_CASE_TEMPLATE("a fisheye rig of two cameras", Policy, seq, omp, tbb_policy)
 template <class Map>
 struct prepared {
   mapping_scene<pinhole_camera> scene{pinhole_rig(50), mapping_recipe{}};
-  mapping_run<Map, seq> run{scene, unfused({})};
-  turbomap::duplicate_fusion<Map, seq> fusion{run.ctx};
+  mapping_run<Map, sequential> run{scene, unfused({})};
+  turbomap::duplicate_fusion<Map, sequential> fusion{run.ctx};
   turbomap::neighbourhood<Map> around;
   std::vector<turbomap::map_keyframe_id> targets;
   turbomap::fusion_options options;

@@ -7,8 +7,6 @@
 #include <doctest/doctest.h>
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include <turbomap/map/validate.hpp>
 
@@ -25,6 +23,7 @@
 #include "reference/local_adjustment_oracle.hpp"
 #include "scenes/pointer_map.hpp"
 #include "scenes/watched_map.hpp"
+#include "support/policies.hpp"
 
 namespace turbomap_test {
 
@@ -43,9 +42,7 @@ namespace {
 using namespace turbomap_test;
 using turbomap::adjustment_end;
 using turbomap::local_adjustment_options;
-using sequential = std::decay_t<decltype(thrust::seq)>;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
+using turbomap_test::sequential;
 using watched = watched_map<map_descriptor>;
 constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
 
@@ -205,7 +202,7 @@ TEST_CASE("with nothing fixed the oldest keyframe is; its age is its id, not its
   CHECK(same_pose(s.map.T_cw(s.keyframes[1]), before));
 }
 
-TEST_CASE_TEMPLATE("poses, points, outliers and deaths are the oracle's", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("poses, points, outliers and deaths are the oracle's", Policy, TURBOMAP_TEST_POLICIES) {
   for (const double outliers : {0.0, 0.05, 0.2}) {
     CAPTURE(outliers);
     local_recipe recipe{8, 60};
@@ -286,19 +283,22 @@ TEST_CASE("the same bits under every policy, in any memory") {
   for (const auto numbers : {turbomap::precision::float64, turbomap::precision::mixed}) {
     local_adjustment_options options;
     options.solve.numbers = numbers;
-    local_scene<flat_map> expected(recipe), a(recipe), b(recipe), c(recipe);
+    local_scene<flat_map> expected(recipe), c(recipe);
+    std::vector<local_scene<flat_map>> parallel;  // one per policy
+    turbomap_test::for_each_parallel_policy([&](auto) { parallel.emplace_back(recipe); });
     turbomap::context<sequential> ctx{sequential{}};
     turbomap::local_adjustment<flat_map, sequential> adjust(ctx, c.view());
     turbomap::guard_times held;
     for (const std::size_t current : {9, 4, 6, 2}) {
       const auto summary = adjust_around(sequential{}, expected, current, options);
       CHECK(summary.solve.accepted > 0);
-      CHECK(adjust_around(omp{}, a, current, options).outliers == summary.outliers);
-      CHECK(adjust_around(tbb_policy{}, b, current, options).outliers == summary.outliers);
+      auto scene = parallel.begin();
+      turbomap_test::for_each_parallel_policy([&](auto policy) {
+        CHECK(adjust_around(policy, *scene, current, options).outliers == summary.outliers);
+        CHECK(scene++->state() == expected.state());
+      });
       CHECK(adjust(ctx, c.map, c.keyframes[current], options, held).outliers == summary.outliers);
       CHECK(adjust.points().size() == summary.points);
-      CHECK(a.state() == expected.state());
-      CHECK(b.state() == expected.state());
       CHECK(c.state() == expected.state());
     }
     CHECK(held.count == 8);

@@ -6,8 +6,6 @@
 /// guard of the map; bad keyframes, maps that contradict themselves, other threads, no memory.
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include <array>
 #include <atomic>
@@ -26,22 +24,21 @@
 #include "scenes/lying_map.hpp"
 #include "scenes/watched_map.hpp"
 #include "support/counted_new.hpp"
+#include "support/policies.hpp"
 
 namespace {
 
 using namespace turbomap_test;
 using turbomap::mapping_stage;
 using turbomap::stage_outcome;
-using seq = std::decay_t<decltype(thrust::seq)>;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
+using turbomap_test::sequential;
 using flat_traits = turbomap::map_traits<flat_map>;
 
 constexpr std::array<mapping_stage, 7> all_stages{
     mapping_stage::process, mapping_stage::point_culling, mapping_stage::search,          mapping_stage::creation,
     mapping_stage::fusion,  mapping_stage::adjustment,    mapping_stage::keyframe_culling};
 
-TEST_CASE_TEMPLATE("the same map under every policy, sound after every keyframe", Policy, seq, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("the same map under every policy, sound after every keyframe", Policy, TURBOMAP_TEST_POLICIES) {
   mapping_recipe back = noisy(5);
   back.turn_back = 6;
   check_same_map(Policy{}, stereo_case(back), 12);
@@ -52,7 +49,7 @@ TEST_CASE_TEMPLATE("the same map under every policy, sound after every keyframe"
   check_same_map(Policy{}, serial, 6);
 }
 
-TEST_CASE_TEMPLATE("without noise the map is right", Policy, seq, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("without noise the map is right", Policy, TURBOMAP_TEST_POLICIES) {
   check_perfect(quality_of(Policy{}, stereo_case(), 14), 150);
   check_perfect(quality_of(Policy{}, rig_case(), 10), 200);
   check_perfect(quality_of(Policy{}, monocular_case(), 14), 1);
@@ -65,10 +62,10 @@ TEST_CASE("with noise, and landmarks that look alike, it is nearly right") {
   for (unsigned seed = 1; seed <= 3; ++seed) {
     CAPTURE(seed);
     auto recipe = noisy(seed);
-    check_good(quality_of(seq{}, stereo_case(recipe), 14));
-    check_good(quality_of(seq{}, rig_case(recipe), 9));
+    check_good(quality_of(sequential{}, stereo_case(recipe), 14));
+    check_good(quality_of(sequential{}, rig_case(recipe), 9));
     recipe.twins = 0.2;
-    check_good(quality_of(seq{}, stereo_case(recipe), 14));
+    check_good(quality_of(sequential{}, stereo_case(recipe), 14));
   }
 }
 
@@ -77,7 +74,7 @@ template <class Map = flat_map>
 struct stereo_run {
   mapping_case<pinhole_camera> c = stereo_case();
   mapping_scene<pinhole_camera> scene;
-  mapping_run<Map, seq> run;
+  mapping_run<Map, sequential> run;
 
   explicit stereo_run(const turbomap::local_mapper_options& options = stereo_case().options,
                       turbomap::local_mapper_hooks<Map> hooks = {}, const mapping_recipe& recipe = {})
@@ -631,7 +628,7 @@ TEST_CASE("no memory, at any time: the map is sound, and the next keyframe is ma
       stereo_run<> r(options, {}, small);
       r.run.notes_creation = false;
       r.run.steps(2);
-      turbomap::local_mapper<flat_map, seq> fresh(r.run.ctx, r.run.map, r.run.store, options);
+      turbomap::local_mapper<flat_map, sequential> fresh(r.run.ctx, r.run.map, r.run.store, options);
       for (std::size_t i = 0; i < 2; ++i)
         if (r.run.map.alive(r.run.keyframes()[i]))
           fresh.insert(r.run.keyframes()[i], r.scene.data<map_descriptor>(r.run.view(i)));

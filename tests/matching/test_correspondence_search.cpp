@@ -6,17 +6,14 @@
 #include <turbomap/descriptor/real.hpp>
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include "matching_cases.hpp"
+#include "support/policies.hpp"
 
 namespace {
 
 using namespace turbomap_test;
 using turbomap::search_options;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
 
 /// Motions whose geometry is more than rounding.
 constexpr motion proper_motions[] = {motion::sideways, motion::forward, motion::backward, motion::along_axis};
@@ -34,11 +31,11 @@ void check_motions(const test_rig<Camera>& rig, unsigned seed, long least_matche
   check_tally(t, least_matches);
 }
 
-TEST_CASE_TEMPLATE("pinhole keyframes match as the oracle says", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("pinhole keyframes match as the oracle says", Policy, TURBOMAP_TEST_POLICIES) {
   check_motions<Policy>(pinhole_rig(), 10, 1000);
   check_motions<Policy>(pinhole_rig(50), 20, 1000);
 }
-TEST_CASE_TEMPLATE("fisheye pairs match as the oracle says", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("fisheye pairs match as the oracle says", Policy, TURBOMAP_TEST_POLICIES) {
   check_motions<Policy>(fisheye_rig(), 30, 500);
 }
 TEST_CASE("every camera model, and rigs of mixed ones") {
@@ -80,7 +77,7 @@ TEST_CASE("any relative pose") {
   check_tally(t, 1000);
 }
 
-TEST_CASE_TEMPLATE("a bare policy works too", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("a bare policy works too", Policy, TURBOMAP_TEST_POLICIES) {
   scene_recipe recipe;
   recipe.seed = 190;
   scene<orb, pinhole_camera> s(pinhole_rig(50), recipe);
@@ -120,7 +117,7 @@ TEST_CASE("masks: all mapped, none, no mask at all") {
   check_tally(t, 1000);
 }
 
-TEST_CASE_TEMPLATE("nothing to do", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("nothing to do", Policy, TURBOMAP_TEST_POLICIES) {
   tally t;
   for (const auto [query, neighbours, keypoints] :
        {std::array{0, 3, 50}, std::array{50, 0, 50}, std::array{50, 3, 0}, std::array{0, 0, 0}, std::array{1, 1, 1},
@@ -164,7 +161,7 @@ TEST_CASE("groups of one keypoint, and of all of them") {
     scene<orb, pinhole_camera> s(pinhole_rig(50), recipe);
     check_all_searches(sequential{}, s, {}, t);
     scene<orb, fisheye_camera> curved(fisheye_rig(), recipe);
-    check_all_searches(omp{}, curved, {}, t);
+    check_all_searches(turbomap_test::parallel{}, curved, {}, t);
   }
   check_tally(t, 1000);
 }
@@ -212,7 +209,7 @@ TEST_CASE("a grouped match is an exhaustive match, or a nearer one is") {
   CHECK(seen > 100);
 }
 
-TEST_CASE_TEMPLATE("a result is used again and again", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("a result is used again and again", Policy, TURBOMAP_TEST_POLICIES) {
   turbomap::context<Policy> ctx{Policy{}};
   turbomap::correspondences<orb, pinhole_camera, Policy> result(ctx);
   for (int round = 0; round < 3; ++round)

@@ -4,26 +4,24 @@
 // The filters of correspondences against their oracle, under every host policy, and their edge cases.
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include "filter_windows_cases.hpp"
 #include "filters_cases.hpp"
+#include "support/policies.hpp"
 
 namespace {
 
 using namespace turbomap_test;
 using turbomap::search_options;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
 
-TEST_CASE_TEMPLATE("pinhole matches are filtered as the oracle says", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("pinhole matches are filtered as the oracle says", Policy, TURBOMAP_TEST_POLICIES) {
   check_all_filters<Policy>(pinhole_rig(50), crowded(10), permissive(), 5);
 }
-TEST_CASE_TEMPLATE("fisheye matches are filtered as the oracle says", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("fisheye matches are filtered as the oracle says", Policy, TURBOMAP_TEST_POLICIES) {
   check_all_filters<Policy>(fisheye_rig(), crowded(20), permissive(), 5);
 }
-TEST_CASE_TEMPLATE("filters that ask windows only decide as if they had asked all", Policy, sequential, tbb_policy) {
+TEST_CASE_TEMPLATE("filters that ask windows only decide as if they had asked all", Policy,
+                   TURBOMAP_TEST_TWO_POLICIES) {
   check_filter_windows<Policy>(pinhole_rig(), 50);
   check_filter_windows<Policy>(fisheye_rig(), 70);
 }
@@ -34,15 +32,17 @@ TEST_CASE("distances of floats") {
   check_all_filters<sequential, turbomap::real_descriptor<float, 64>>(pinhole_rig(), crowded(30), options, 5);
 }
 
-TEST_CASE_TEMPLATE("rotations: equal ones, the wrap at a full turn", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("rotations: equal ones, the wrap at a full turn", Policy, TURBOMAP_TEST_POLICIES) {
   check_rotation_edges<Policy>();
 }
-TEST_CASE_TEMPLATE("claims: none, one, equal distances", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("claims: none, one, equal distances", Policy, TURBOMAP_TEST_POLICIES) {
   check_one_to_one_edges<Policy>();
 }
-TEST_CASE_TEMPLATE("nothing to filter", Policy, sequential, omp, tbb_policy) { check_empty_filters<Policy>(); }
-TEST_CASE_TEMPLATE("options out of range, angles missing", Policy, sequential, omp) { check_filter_options<Policy>(); }
-TEST_CASE_TEMPLATE("no allocation in the steady state", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("nothing to filter", Policy, TURBOMAP_TEST_POLICIES) { check_empty_filters<Policy>(); }
+TEST_CASE_TEMPLATE("options out of range, angles missing", Policy, TURBOMAP_TEST_TWO_POLICIES) {
+  check_filter_options<Policy>();
+}
+TEST_CASE_TEMPLATE("no allocation in the steady state", Policy, TURBOMAP_TEST_POLICIES) {
   check_filter_allocations<Policy>(std::pmr::get_default_resource());
 }
 

@@ -7,20 +7,17 @@
 #include <turbomap/matching/given_correspondences.hpp>
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include <stdexcept>
 #include <string>
 
 #include "matching_cases.hpp"
+#include "support/policies.hpp"
 
 namespace {
 
 using namespace turbomap_test;
 using turbomap::search_options;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
 using match = turbomap::correspondence<std::int32_t>;
 using matches_view = turbomap::span<const match>;
 
@@ -59,7 +56,7 @@ void check_round_trip(const test_rig<Camera>& rig, turbomap::candidates set) {
   CHECK(given.plan(ctx).empty());
 }
 
-TEST_CASE_TEMPLATE("the matches of a search, given back", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("the matches of a search, given back", Policy, TURBOMAP_TEST_POLICIES) {
   for (const auto set : every_candidate_set) {
     check_round_trip<Policy>(pinhole_rig(50), set);
     check_round_trip<Policy>(fisheye_rig(), set);

@@ -4,14 +4,13 @@
 // Point creation against its oracle, its bad input, the order in which keypoints are given away.
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include <limits>
 #include <stdexcept>
 #include <string>
 
 #include "matching_cases.hpp"
+#include "support/policies.hpp"
 
 namespace {
 
@@ -19,8 +18,6 @@ using namespace turbomap_test;
 using turbomap::creation_options;
 using turbomap::creation_outcome;
 using turbomap::search_options;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
 
 /// Matches of all sorts, good and absurd: wide gates in the search.
 search_options wide_gates() {
@@ -46,7 +43,7 @@ std::vector<long> check_rig(const test_rig<Camera>& rig, unsigned seed, const cr
   return outcomes;
 }
 
-TEST_CASE_TEMPLATE("points are made as the oracle says", Policy, sequential, omp, tbb_policy) {
+TEST_CASE_TEMPLATE("points are made as the oracle says", Policy, TURBOMAP_TEST_POLICIES) {
   const auto mono = check_rig<Policy>(pinhole_rig(), 1, {}, 100);
   CHECK(mono[static_cast<std::size_t>(creation_outcome::no_depth)] == 0);
   const auto stereo = check_rig<Policy>(pinhole_rig(50), 11, {}, 200);

@@ -4,8 +4,6 @@
 // Bad input of the correspondence search, the memory it asks for, and several contexts at once.
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include <atomic>
 #include <functional>
@@ -17,13 +15,12 @@
 #include "matching_cases.hpp"
 #include "scenes/keyframe_samples.hpp"
 #include "support/counted_new.hpp"
+#include "support/policies.hpp"
 
 namespace {
 
 using namespace turbomap_test;
 using turbomap::search_options;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb_policy = std::decay_t<decltype(thrust::tbb::par)>;
 using posed = turbomap::posed_keyframe<orb, pinhole_camera>;
 using posed_span = turbomap::span<const posed>;
 
@@ -143,8 +140,7 @@ void check_steady_state(bool count_everything) {
 
 TEST_CASE("in the steady state nothing is allocated") {
   check_steady_state<sequential>(true);
-  check_steady_state<omp>(false);
-  check_steady_state<tbb_policy>(false);
+  turbomap_test::for_each_parallel_policy([](auto policy) { check_steady_state<decltype(policy)>(false); });
 }
 
 TEST_CASE("all device-side memory comes from the user's resource") {

@@ -5,45 +5,42 @@
 /// The keyframe store under the host policies.
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include <limits>
 #include <stdexcept>
 
 #include "keyframe_large_cases.hpp"
 #include "keyframe_paging_cases.hpp"
+#include "support/policies.hpp"
 
 namespace {
 
 using namespace turbomap_test;
-using seq = std::decay_t<decltype(thrust::seq)>;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tbb = std::decay_t<decltype(thrust::tbb::par)>;
+using turbomap_test::sequential;
 
-TEST_CASE_TEMPLATE("ten thousand keyframes are inserted, erased and inserted again", Policy, seq, omp, tbb) {
+TEST_CASE_TEMPLATE("ten thousand keyframes are inserted, erased and inserted again", Policy, TURBOMAP_TEST_POLICIES) {
   check_ten_thousand<Policy>();
 }
-TEST_CASE_TEMPLATE("keyframes of 1200 keypoints", Policy, seq) { check_realistic<Policy>(); }
-TEST_CASE_TEMPLATE("stale handles are refused and nothing is pinned", Policy, seq, omp, tbb) {
+TEST_CASE_TEMPLATE("keyframes of 1200 keypoints", Policy, sequential) { check_realistic<Policy>(); }
+TEST_CASE_TEMPLATE("stale handles are refused and nothing is pinned", Policy, TURBOMAP_TEST_POLICIES) {
   check_stale_handles<Policy>();
 }
-TEST_CASE_TEMPLATE("an erased keyframe stays until its readers are done", Policy, seq, omp, tbb) {
+TEST_CASE_TEMPLATE("an erased keyframe stays until its readers are done", Policy, TURBOMAP_TEST_POLICIES) {
   check_deferred_reclamation<Policy>();
 }
-TEST_CASE_TEMPLATE("beyond the budget the least recently used are paged out", Policy, seq, omp, tbb) {
+TEST_CASE_TEMPLATE("beyond the budget the least recently used are paged out", Policy, TURBOMAP_TEST_POLICIES) {
   check_paging<Policy>();
 }
-TEST_CASE_TEMPLATE("a keyframe larger than a chunk takes the place of many", Policy, seq, omp, tbb) {
+TEST_CASE_TEMPLATE("a keyframe larger than a chunk takes the place of many", Policy, TURBOMAP_TEST_POLICIES) {
   check_large_keyframe<Policy>();
 }
-TEST_CASE_TEMPLATE("a failing allocation leaves the store as it was", Policy, seq) {
+TEST_CASE_TEMPLATE("a failing allocation leaves the store as it was", Policy, sequential) {
   check_failing_allocations<Policy>();
 }
-TEST_CASE_TEMPLATE("random operations", Policy, seq) { check_random_operations<Policy>(20000); }
+TEST_CASE_TEMPLATE("random operations", Policy, sequential) { check_random_operations<Policy>(20000); }
 
 TEST_CASE("bad keyframes and options are refused with the store unchanged") {
-  sample_store<seq> store;
+  sample_store<sequential> store;
   auto k = make_keyframe(1, 10);
   store.insert(k.data());
   const auto before = state_of(store.statistics());
@@ -52,10 +49,10 @@ TEST_CASE("bad keyframes and options are refused with the store unchanged") {
   CHECK(state_of(store.statistics()) == before);
   turbomap::keyframe_store_options options;
   options.chunk_bytes = 0;
-  CHECK_THROWS_AS(sample_store<seq>{options}, std::invalid_argument);
+  CHECK_THROWS_AS(sample_store<sequential>{options}, std::invalid_argument);
   options = {};
   options.packing.grid_rows = 0;
-  CHECK_THROWS_AS(sample_store<seq>{options}, std::invalid_argument);
+  CHECK_THROWS_AS(sample_store<sequential>{options}, std::invalid_argument);
 }
 
 /// A user's camera that fails while the keyframe is being packed, when its place in the store is taken already.
@@ -88,7 +85,7 @@ TEST_CASE("pinning and releasing again allocates nothing on the policy's side") 
   counting_resource resource(std::pmr::get_default_resource());
   turbomap::keyframe_store_options options;
   options.resident = options.paging = options.staging = &resource;
-  sample_store<seq> store(options);
+  sample_store<sequential> store(options);
   const auto k = make_keyframe(1, 100);
   const handles one{store.insert(k.data())};
   const long before = resource.allocations;

@@ -8,8 +8,6 @@
 #include "readers/recording_snapshot_adjustment.hpp"
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include <algorithm>
 #include <cmath>
@@ -19,6 +17,7 @@
 #include <doctest/doctest.h>
 
 #include "reference/reprojection_cost.hpp"
+#include "support/policies.hpp"
 #include "support/support.hpp"
 #include "tests/recorded_adjustment_cases.hpp"
 
@@ -93,8 +92,8 @@ TEST_CASE("recorded problems are adjusted as well as by the peer") {
     using model = decltype(camera);
     check_as_good_as_peer<model>(r, directory, thrust::seq, precision::float64);
     check_as_good_as_peer<model>(r, directory, thrust::seq, precision::mixed);
-    check_as_good_as_peer<model>(r, directory, thrust::omp::par, precision::float64);
-    check_as_good_as_peer<model>(r, directory, thrust::tbb::par, precision::float64);
+    turbomap_test::for_each_parallel_policy(
+        [&](auto policy) { check_as_good_as_peer<model>(r, directory, policy, precision::float64); });
   });
 }
 

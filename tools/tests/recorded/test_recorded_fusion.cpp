@@ -5,8 +5,6 @@
 // what the recorded peer did; and that the checks see a record that was changed.
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
-#include <thrust/system/tbb/execution_policy.h>
 
 #include <algorithm>
 #include <functional>
@@ -16,6 +14,7 @@
 #include "recorded_checks.hpp"
 #include "replay/check_fusion.hpp"
 #include "replay/check_map_update.hpp"
+#include "support/policies.hpp"
 
 using turbomap_replay::fusion_check;
 using turbomap_replay::map_update_check;
@@ -23,14 +22,12 @@ using namespace turbomap_test;
 
 namespace {
 
-using sequential = std::decay_t<decltype(thrust::seq)>;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
-using tasks = std::decay_t<decltype(thrust::tbb::par)>;
+using turbomap_test::sequential;
 using snapshot = turbomap::recording_snapshot;
 
 }  // namespace
 
-TEST_CASE_TEMPLATE("recorded duplicates and actions are reproduced exactly", policy, sequential, omp, tasks) {
+TEST_CASE_TEMPLATE("recorded duplicates and actions are reproduced exactly", policy, TURBOMAP_TEST_POLICIES) {
   for (const char* name : recordings) {
     const auto directory = data(std::string("recordings/") + name);
     if (!directory) continue;
@@ -58,7 +55,7 @@ TEST_CASE_TEMPLATE("recorded duplicates and actions are reproduced exactly", pol
   }
 }
 
-TEST_CASE_TEMPLATE("recorded updates of map points are reproduced", policy, sequential, omp, tasks) {
+TEST_CASE_TEMPLATE("recorded updates of map points are reproduced", policy, TURBOMAP_TEST_POLICIES) {
   std::size_t all = 0, recordings_there = 0;
   for (const char* name : recordings) {
     const auto directory = data(std::string("recordings/") + name);

@@ -9,7 +9,6 @@
 #include "readers/recording_snapshot.hpp"
 
 #include <thrust/execution_policy.h>
-#include <thrust/system/omp/execution_policy.h>
 
 #include <array>
 #include <map>
@@ -18,13 +17,13 @@
 #include <vector>
 
 #include "matching/matching_cases.hpp"
+#include "support/policies.hpp"
 #include "support/support.hpp"
 
 namespace {
 
 using namespace turbomap_test;
 using turbomap::candidates;
-using omp = std::decay_t<decltype(thrust::omp::par)>;
 
 /// What is compared, over all snapshots of a recording.
 struct totals {
@@ -104,8 +103,8 @@ class replayed {
     const auto all = search(sequential{}, query, neighbours, candidates::exhaustive);
     totals_.exhaustive += static_cast<long>(all.size());
     totals_.ordered_differs += same(search(sequential{}, query, neighbours, candidates::epipolar_ordered), all) ? 0 : 1;
-    totals_.policies_differ += same(search(omp{}, query, neighbours, candidates::epipolar_ordered), all) ? 0 : 1;
-    totals_.policies_differ += same(search(omp{}, query, neighbours, candidates::grouped), grouped) ? 0 : 1;
+    totals_.policies_differ += same(search(turbomap_test::parallel{}, query, neighbours, candidates::epipolar_ordered), all) ? 0 : 1;
+    totals_.policies_differ += same(search(turbomap_test::parallel{}, query, neighbours, candidates::grouped), grouped) ? 0 : 1;
     std::map<std::array<int, 2>, int> distance;
     for (const auto& m : all) distance[{m.neighbour, m.query}] = m.distance;
     for (const auto& m : grouped) {
