@@ -53,10 +53,12 @@ class local_mapper {
   }
 
   /// Takes the immutable part of a keyframe into the store: from keyframe_data, or from the user's own type through
-  /// keyframe_traits. Throws what keyframe_store::insert throws, and std::invalid_argument when it is there already.
+  /// keyframe_traits. Takes the guard of the map for a moment, to read the id: do not hold it.
+  /// Throws what keyframe_store::insert throws, and std::invalid_argument when the keyframe is none (keyframe{}), is not in
+  /// the map, or is in the store already.
   template <class Data>
   void insert(keyframe k, const Data& data) {
-    const std::uint64_t id = traits::id(map_, k);
+    const std::uint64_t id = id_of(k);
     require(!stored_.contains(id), "keyframe id", id, "is in the store already");
     const keyframe_handle handle = store_.insert(data);
     try {
@@ -83,6 +85,7 @@ class local_mapper {
     report_ = {};
     stopped_ = false;
     budget_.start(options_.deadline_ms);
+    require(!(current == keyframe{}), "keyframe", "none", "is not a keyframe of the map");
     {
       const timed_guard<Map> guard(map_, report_.held[mapping_stage::process]);
       require(traits::alive(map_, current), "keyframe", "dead", "is not in the map, or no longer");
@@ -118,6 +121,14 @@ class local_mapper {
   const handle_table& stored() const { return stored_; }
 
  private:
+  /// \throws std::invalid_argument  the keyframe is none, or not in the map
+  std::uint64_t id_of(keyframe k) {
+    require(!(k == keyframe{}), "keyframe", "none", "is not a keyframe of the map");
+    [[maybe_unused]] const auto guard = map_guard(map_);
+    require(traits::alive(map_, k), "keyframe", "dead", "is not in the map, or no longer");
+    return traits::id(map_, k);
+  }
+
   enum piece : std::size_t { search_a_neighbour, create_all, fuse_a_target, fuse_back, cull_a_keyframe, pieces };
 
   using stage_function = void (local_mapper::*)(keyframe, guard_times&);
@@ -138,6 +149,11 @@ class local_mapper {
     report_.cut = report_.cut || cut_;
     report_.ms[s] = budget_.elapsed_ms() - begin;
     if (hooks_.stage_done) hooks_.stage_done(s, report_);
+  }
+
+  /// Keyframes that wait may be in the map already: until they are inserted they are not ours to search, nor to count.
+  auto stored_only() const {
+    return [this](keyframe k) { return stored_.contains(traits::id(map_, k)); };
   }
 
   /// Runs a piece of work and notes what it took.
@@ -175,7 +191,7 @@ class local_mapper {
   void search(keyframe current, guard_times& held) {
     {
       const timed_guard<Map> guard(map_, held);
-      const auto& near = neighbourhood_.neighbours(map_, current, options_.neighbourhood);
+      const auto& near = neighbourhood_.neighbours(map_, current, options_.neighbourhood, stored_only());
       const std::size_t limit = budget_.fitting(search_a_neighbour, near.size());
       report_.neighbours = matching_.gather(map_, stored_, current, span<const keyframe>(near),
                                             options_.stereo_baseline, options_.baseline_rule, limit);
@@ -203,7 +219,7 @@ class local_mapper {
     std::vector<keyframe>& targets = keyframes_;
     {
       const timed_guard<Map> guard(map_, held);
-      targets = neighbourhood_.targets(map_, current, options_.neighbourhood);
+      targets = neighbourhood_.targets(map_, current, options_.neighbourhood, stored_only());
     }
     const std::size_t fitting = budget_.fitting(fuse_a_target, targets.size());
     if (fitting < targets.size()) cut(fuse_a_target);
@@ -235,14 +251,13 @@ class local_mapper {
   void cull(keyframe current, guard_times& held) {
     {
       const timed_guard<Map> guard(map_, held);
-      keyframes_ = neighbourhood_.covisible_keyframes(map_, current, options_.neighbourhood);
+      keyframes_ = neighbourhood_.covisible_keyframes(map_, current, options_.neighbourhood, stored_only());
     }
     for (const keyframe k : keyframes_) {
       if (!budget_.fits(cull_a_keyframe)) return cut(cull_a_keyframe);
       timed(cull_a_keyframe, 1, [&] {
         const timed_guard<Map> guard(map_, held);
-        // One that waits to be processed may be in the map already: it is not ours yet.
-        if (!traits::alive(map_, k) || !stored_.contains(traits::id(map_, k))) return;
+        if (!traits::alive(map_, k)) return;
         records_.clear();
         report_.keyframes_culled.reserve(report_.keyframes_culled.size() + 1);
         cull_keyframes(map_, current, span<const keyframe>(&k, 1), options_.keyframe_culling, records_, nullptr,

@@ -39,7 +39,7 @@ TEST_CASE_TEMPLATE("most shared first, equal ones in order of insertion, a rig's
     CHECK(turbomap::observe(map, p[static_cast<std::size_t>(point)], k[static_cast<std::size_t>(keyframe)],
                             static_cast<std::size_t>(i)));
   turbomap::covisibility<Map> covisibility;
-  const auto of = [&](std::size_t query, int least, std::size_t limit = 0) {
+  const auto of = [&](std::size_t query, int least, std::size_t limit = turbomap::no_limit) {
     pairs all;
     for (const auto& c : covisibility(map, k[query], least, limit))
       all.push_back({traits::id(map, c.keyframe), c.shared_points});
@@ -51,6 +51,7 @@ TEST_CASE_TEMPLATE("most shared first, equal ones in order of insertion, a rig's
   CHECK(of(3, 3) == pairs{{1, 2}});  // nobody shares so many: the best one is left
   CHECK(of(3, 1, 2) == pairs{{1, 2}, {0, 1}});
   CHECK(of(3, 1, 9) == pairs{{1, 2}, {0, 1}, {2, 1}});
+  CHECK(of(3, 1, 0).empty());
   CHECK(of(0, 1) == pairs{{3, 1}});
   CHECK(of(2, 1) == pairs{{1, 1}, {3, 1}});
   CHECK(of(2, 15) == pairs{{1, 1}});

@@ -26,7 +26,7 @@ using namespace turbomap_test;
 using ids = std::vector<oracle_id>;
 
 /// The covisible keyframes of one, by definition: most shared points first.
-ids covisible_by_definition(const map_oracle& map, oracle_id k, int least, int limit) {
+ids covisible_by_definition(const map_oracle& map, oracle_id k, int least, std::size_t limit) {
   std::vector<std::pair<int, oracle_id>> all, enough;
   for (const auto& [other, shared] : map.shared(k)) all.push_back({-shared, other});
   std::sort(all.begin(), all.end());
@@ -35,7 +35,7 @@ ids covisible_by_definition(const map_oracle& map, oracle_id k, int least, int l
   if (enough.empty() && !all.empty()) enough.push_back(all[0]);
   ids result;
   for (const auto& c : enough)
-    if (limit == 0 || result.size() < static_cast<std::size_t>(limit)) result.push_back(c.second);
+    if (result.size() < limit) result.push_back(c.second);
   return result;
 }
 bool contains(const ids& list, oracle_id k) { return std::find(list.begin(), list.end(), k) != list.end(); }
@@ -109,6 +109,47 @@ TEST_CASE("by hand: a chain of keyframes that share points with the next one onl
   CHECK(w.named(around.neighbours(w.map, w.k[3], o)) == ids{2});  // the best one, though it shares too little
 }
 
+TEST_CASE("0 means none") {
+  world<flat_map> w(6, 20, 1);
+  for (std::size_t i = 0; i + 1 < 6; ++i)
+    for (std::size_t j = 0; j < 3; ++j) w.see(3 * i + j, i, j), w.see(3 * i + j, i + 1, 10 + j);
+  turbomap::neighbourhood<flat_map> around;
+  turbomap::neighbourhood_options o;
+  o.min_shared_points = 2;
+  o.second_neighbours = 0;
+  CHECK(w.named(around.targets(w.map, w.k[3], o)) == ids{2, 4});
+  o.neighbours = 0;
+  CHECK(around.neighbours(w.map, w.k[3], o).empty());
+  CHECK(around.targets(w.map, w.k[3], o).empty());
+  for (int turbomap::neighbourhood_options::*member :
+       {&turbomap::neighbourhood_options::neighbours, &turbomap::neighbourhood_options::second_neighbours,
+        &turbomap::neighbourhood_options::temporal_targets, &turbomap::neighbourhood_options::min_shared_points}) {
+    turbomap::neighbourhood_options bad;
+    bad.*member = -1;
+    CHECK_THROWS_AS(around.targets(w.map, w.k[3], bad), std::invalid_argument);
+  }
+}
+
+TEST_CASE("keyframes that are not accepted do not use up the limits") {
+  world<flat_map> w(8, 20, 1);  // all share a point with keyframe 7, those of higher id more
+  for (std::size_t i = 0; i < 7; ++i)
+    for (std::size_t j = 0; j <= i; ++j) w.see(j, i, j);
+  for (std::size_t j = 0; j < 7; ++j) w.see(j, 7, j);
+  turbomap::neighbourhood<flat_map> around;
+  turbomap::neighbourhood_options o;
+  o.min_shared_points = 1, o.neighbours = 2, o.second_neighbours = 1;
+  CHECK(w.named(around.neighbours(w.map, w.k[7], o)) == ids{6, 5});
+  const auto old = [&](turbomap::map_keyframe_id k) { return turbomap::map_traits<flat_map>::id(w.map, k) < 4; };
+  CHECK(w.named(around.neighbours(w.map, w.k[7], o, old)) == ids{3, 2});
+  CHECK(w.named(around.targets(w.map, w.k[7], o, old)) == ids{3, 2});
+  CHECK(w.named(around.covisible_keyframes(w.map, w.k[7], o, old)) == ids{3, 2, 1, 0});
+  o.temporal_neighbours = 4;
+  CHECK(w.named(around.neighbours(w.map, w.k[7], o, old)) == ids{3, 2, 1, 0});
+  o.min_shared_points = 7;  // none of the accepted ones shares so many: the best of them is left
+  o.temporal_neighbours = 0;
+  CHECK(w.named(around.neighbours(w.map, w.k[7], o, old)) == ids{3});
+}
+
 TEST_CASE("a keyframe that shares nothing has its predecessors only") {
   world<flat_map> w(4, 1, 1);
   turbomap::neighbourhood<flat_map> around;
@@ -140,10 +181,12 @@ TEST_CASE_TEMPLATE("random maps", Map, flat_map, pointer_map) {
       o.min_shared_points = 1 + static_cast<int>(random() % 8);
       o.neighbours = static_cast<int>(random() % 5), o.second_neighbours = static_cast<int>(random() % 4);
       o.temporal_neighbours = static_cast<int>(random() % 12), o.temporal_targets = static_cast<int>(random() % 16);
-      ids near = covisible_by_definition(w.oracle, query, o.min_shared_points, o.neighbours), targets;
+      ids near = covisible_by_definition(w.oracle, query, o.min_shared_points, static_cast<std::size_t>(o.neighbours));
+      ids targets;
       for (const oracle_id n : near) targets.push_back(n);
       for (const oracle_id n : near)
-        for (const oracle_id m : covisible_by_definition(w.oracle, n, o.min_shared_points, o.second_neighbours))
+        for (const oracle_id m : covisible_by_definition(w.oracle, n, o.min_shared_points,
+                                                         static_cast<std::size_t>(o.second_neighbours)))
           if (m != query && !contains(targets, m)) targets.push_back(m);
       if (has_time) {
         add_predecessors(w.oracle, query, o.temporal_neighbours, near);
@@ -153,7 +196,7 @@ TEST_CASE_TEMPLATE("random maps", Map, flat_map, pointer_map) {
       CHECK(w.named(around.neighbours(w.map, k, o)) == near);
       CHECK(w.named(around.targets(w.map, k, o)) == targets);
       CHECK(w.named(around.covisible_keyframes(w.map, k, o)) ==
-            covisible_by_definition(w.oracle, query, o.min_shared_points, 0));
+            covisible_by_definition(w.oracle, query, o.min_shared_points, turbomap::no_limit));
     }
   }
 }

@@ -155,6 +155,43 @@ TEST_CASE("keyframes that wait: fusion, adjustment and keyframe culling are skip
   CHECK(adjusted == 4);
 }
 
+TEST_CASE("keyframes that are in the map and not yet inserted do not use up the neighbours") {
+  for (const int waiting : {0, 3, 10}) {
+    CAPTURE(waiting);
+    auto options = stereo_case().options;
+    options.enabled[mapping_stage::keyframe_culling] = false;
+    options.neighbourhood.neighbours = 3;
+    mapping_recipe recipe;
+    recipe.lost = 0;
+    stereo_run<> r(options, {}, recipe);
+    r.run.steps(8);
+    const auto k = r.run.track();
+    for (int n = 0; n < waiting; ++n) {  // tracking is ahead: these share more with the keyframe than the older ones do
+      const auto ahead = r.run.add();
+      r.run.associate(ahead, r.run.view(r.run.keyframes().size() - 1));
+    }
+    const auto& report = r.run.mapper.process(k);
+    CHECK(report.neighbours == 3);
+    CHECK(report.fusion_targets >= 3);
+    for (const auto id : r.run.mapper.matching().selection().ids()) CHECK(id < 9);
+  }
+}
+
+TEST_CASE("what is no keyframe of the map is refused by insert and process") {
+  stereo_run<> r;
+  r.run.steps(2);
+  const auto data = r.scene.data<turbomap::binary_descriptor<256>>(r.run.view(0));
+  const std::string before = content(r.run.map);
+  CHECK_THROWS_AS(r.run.mapper.insert({}, data), std::invalid_argument);
+  CHECK_THROWS_AS(r.run.mapper.process({}), std::invalid_argument);
+  const auto k = r.run.add();
+  turbomap::erase_keyframe(r.run.map, k);
+  CHECK_THROWS_AS(r.run.mapper.insert(k, data), std::invalid_argument);
+  CHECK_THROWS_AS(r.run.mapper.process(k), std::invalid_argument);
+  CHECK(content(r.run.map) == before);
+  CHECK(r.run.store.size() == 2);
+}
+
 TEST_CASE("stop ends the iteration before the stage that asks, whatever it says later") {
   for (std::size_t at = 0; at < all_stages.size(); ++at) {
     CAPTURE(at);
@@ -245,6 +282,16 @@ TEST_CASE("a deadline that everything fits in changes nothing") {
 
 using watched = watched_map<probing_descriptor>;
 
+TEST_CASE("insert reads the map under its guard") {
+  stereo_run<watched> r;
+  r.run.map.watch.armed = true;
+  const auto k = r.run.add();
+  r.run.map.watch.unguarded = 0;
+  r.run.mapper.insert(k, r.scene.data<probing_descriptor>(r.run.view(0)));
+  CHECK(r.run.map.watch.unguarded == 0);
+  CHECK(r.run.map.watch.taken == 1);
+}
+
 TEST_CASE("one slow keyframe does not switch a stage off for ever") {
   constexpr double deadline_ms = 500;
   bool slow = false, searched = false;
@@ -322,10 +369,10 @@ TEST_CASE("an exception gives the guard back") {
   for (int at = 0;; ++at) {
     CAPTURE(at);
     int times = 0;
+    const auto k = r.run.track();
     r.run.map.watch.after = [&] {
       if (times++ == at) throw std::runtime_error("a trait that reads the network");
     };
-    const auto k = r.run.track();
     bool threw = false;
     try {
       r.run.mapper.process(k);
@@ -565,9 +612,15 @@ TEST_CASE("another thread edits the map under the guard") {
     turbomap::map_keyframe_id k;
     {
       const auto guard = turbomap::map_guard(map);
-      k = r.run.track();
+      k = r.run.add();
     }
+    const auto& view = r.run.view(r.run.keyframes().size() - 1);
     try {
+      r.run.mapper.insert(k, r.scene.data<probing_descriptor>(view));  // takes the guard itself
+      {
+        const auto guard = turbomap::map_guard(map);
+        if (map.alive(k)) r.run.associate(k, view);
+      }
       const auto& report = r.run.mapper.process(k);
       created += report.points_created, stale += report.fused.stale + report.fused.already_observed;
     } catch (const std::invalid_argument&) {

@@ -89,6 +89,8 @@ struct turbomap::map_traits<turbomap_test::watched_map<Descriptor>>
 
   static turbomap_test::watched_guard guard(map& m) { return turbomap_test::watched_guard(m.watch); }
 
+  using base::id;
+  static std::uint64_t id(const map& m, keyframe k) { return m.watch.used(), base::id(m, k); }
   static bool alive(const map& m, keyframe k) { return m.watch.used(), base::alive(m, k); }
   static const turbomap::rigid_transform<double>& pose(const map& m, keyframe k) {
     return m.watch.used(), base::pose(m, k);

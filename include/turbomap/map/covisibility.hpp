@@ -14,6 +14,21 @@
 #include "map_traits.hpp"
 #include "numbering.hpp"
 
+namespace turbomap {
+
+/// As a limit: all of them.
+inline constexpr std::size_t no_limit = static_cast<std::size_t>(-1);
+
+/// As a filter of keyframes: accepts each of them.
+struct every_keyframe {
+  template <class Keyframe>
+  bool operator()(const Keyframe&) const {
+    return true;
+  }
+};
+
+}  // namespace turbomap
+
 TURBOMAP_BEGIN_NAMESPACE
 
 /// A keyframe and how many points it shares with another.
@@ -31,17 +46,20 @@ class covisibility {
   using keyframe = typename traits::keyframe;
 
   /// Keyframes that share at least `min_shared` points with `query`, most shared first, equal ones in order of insertion.
-  /// Without any, the one that shares most (with any points at all) is left, as in [ORB-SLAM3]. A point counts once a
-  /// keyframe, whatever number of cameras sees it. \param limit  no more than so many, the best; 0: all
+  /// Without any, the one that shares most (with any points at all) is left, as in [ORB-SLAM3]. A point counts once per
+  /// keyframe, however many cameras see it.
+  /// \param limit   the best ones, no more than so many
+  /// \param accept  accept(keyframe): only these are looked at, as if the others shared nothing
   /// O(observations of its points + k log k). The caller holds the guard.
+  template <class Accept = every_keyframe>
   const std::vector<covisible<keyframe>>& operator()(const Map& map, keyframe query, int min_shared,
-                                                     std::size_t limit = 0) {
+                                                     std::size_t limit = no_limit, Accept accept = {}) {
     count(map, query);
     result_.clear();
     covisible<keyframe> best{};
     std::uint64_t best_id = 0;
     for (std::size_t i = 1; i < observers_.size(); ++i) {  // 0 is the query
-      if (shared_[i] == 0) continue;
+      if (shared_[i] == 0 || !accept(observers_[i])) continue;
       const covisible<keyframe> c{observers_[i], shared_[i]};
       if (c.shared_points >= min_shared) result_.push_back(c);
       const std::uint64_t id = traits::id(map, c.keyframe);
@@ -53,7 +71,7 @@ class covisibility {
       return a.shared_points != b.shared_points ? a.shared_points > b.shared_points
                                                 : traits::id(map, a.keyframe) < traits::id(map, b.keyframe);
     };
-    const std::size_t keep = limit == 0 ? result_.size() : std::min(limit, result_.size());
+    const std::size_t keep = std::min(limit, result_.size());
     std::partial_sort(result_.begin(), result_.begin() + static_cast<std::ptrdiff_t>(keep), result_.end(), first);
     result_.resize(keep);
     return result_;

@@ -10,13 +10,14 @@
 #include <vector>
 
 #include "../config.hpp"
+#include "../error.hpp"
 #include "covisibility.hpp"
 #include "map_traits.hpp"
 #include "numbering.hpp"
 
 namespace turbomap {
 
-/// Options of the neighbourhood. Defaults are those of [ORB-SLAM3].
+/// Options of the neighbourhood. Defaults are those of [ORB-SLAM3]. None may be negative; 0 keyframes means none.
 struct neighbourhood_options {
   int min_shared_points = 15;   ///< keyframes that share fewer are not covisible, unless no other is
   int neighbours = 10;          ///< best covisible keyframes; 30 without stereo depth
@@ -30,6 +31,10 @@ struct neighbourhood_options {
 TURBOMAP_BEGIN_NAMESPACE
 
 /// Chooses keyframes around one; make one and use it again: its memory is reused. The caller holds the guard.
+///
+/// `accept(keyframe)` says which keyframes may be chosen, e.g. those that are in a keyframe store. The others do not use up
+/// the limits of the options.
+/// Every call throws std::invalid_argument for a negative option.
 template <class Map>
 class neighbourhood {
  public:
@@ -38,20 +43,22 @@ class neighbourhood {
 
   /// The best covisible keyframes of `query`, most shared points first, then its predecessors in time (with previous() of the
   /// traits) while there are too few.
-  const std::vector<keyframe>& neighbours(const Map& map, keyframe query, const neighbourhood_options& options) {
-    neighbours_.clear();
-    for (const auto& c : covisibility_(map, query, options.min_shared_points, limit(options.neighbours)))
-      neighbours_.push_back(c.keyframe);
-    add_predecessors(map, query, options.temporal_neighbours, neighbours_);
+  template <class Accept = every_keyframe>
+  const std::vector<keyframe>& neighbours(const Map& map, keyframe query, const neighbourhood_options& options,
+                                          Accept accept = {}) {
+    check(options);
+    choose_neighbours(map, query, options, accept);
+    add_predecessors(map, query, options.temporal_neighbours, accept, neighbours_);
     return neighbours_;
   }
 
   /// The neighbours, each followed by its own best covisible keyframes, each keyframe once and never the query, then
   /// predecessors in time of the query.
-  const std::vector<keyframe>& targets(const Map& map, keyframe query, const neighbourhood_options& options) {
-    neighbourhood_options plain = options;
-    plain.temporal_neighbours = 0;
-    neighbours(map, query, plain);
+  template <class Accept = every_keyframe>
+  const std::vector<keyframe>& targets(const Map& map, keyframe query, const neighbourhood_options& options,
+                                       Accept accept = {}) {
+    check(options);
+    choose_neighbours(map, query, options, accept);
     seen_.clear(), targets_.clear();
     seen_.place(map, query);
     const auto add = [&](keyframe k) {
@@ -59,26 +66,47 @@ class neighbourhood {
       if (seen_.place(map, k) == known) targets_.push_back(k);
     };
     for (const keyframe n : neighbours_) add(n);
-    for (const keyframe n : neighbours_)
-      for (const auto& c : covisibility_(map, n, options.min_shared_points, limit(options.second_neighbours)))
-        add(c.keyframe);
-    add_predecessors(map, query, options.temporal_targets, targets_);
+    if (options.second_neighbours > 0)
+      for (const keyframe n : neighbours_)
+        for (const auto& c : covisibility_(map, n, options.min_shared_points,
+                                           static_cast<std::size_t>(options.second_neighbours), accept))
+          add(c.keyframe);
+    add_predecessors(map, query, options.temporal_targets, accept, targets_);
     return targets_;
   }
 
   /// All covisible keyframes of `query`, most shared points first.
+  template <class Accept = every_keyframe>
   const std::vector<keyframe>& covisible_keyframes(const Map& map, keyframe query,
-                                                   const neighbourhood_options& options) {
+                                                   const neighbourhood_options& options, Accept accept = {}) {
+    check(options);
     targets_.clear();
-    for (const auto& c : covisibility_(map, query, options.min_shared_points)) targets_.push_back(c.keyframe);
+    for (const auto& c : covisibility_(map, query, options.min_shared_points, no_limit, accept))
+      targets_.push_back(c.keyframe);
     return targets_;
   }
 
  private:
-  static std::size_t limit(int n) { return n > 0 ? static_cast<std::size_t>(n) : static_cast<std::size_t>(-1); }
+  static void check(const neighbourhood_options& o) {
+    require(o.min_shared_points >= 0, "options.min_shared_points", o.min_shared_points, "must not be negative");
+    require(o.neighbours >= 0, "options.neighbours", o.neighbours, "must not be negative");
+    require(o.temporal_neighbours >= 0, "options.temporal_neighbours", o.temporal_neighbours, "must not be negative");
+    require(o.second_neighbours >= 0, "options.second_neighbours", o.second_neighbours, "must not be negative");
+    require(o.temporal_targets >= 0, "options.temporal_targets", o.temporal_targets, "must not be negative");
+  }
 
+  template <class Accept>
+  void choose_neighbours(const Map& map, keyframe query, const neighbourhood_options& options, Accept accept) {
+    neighbours_.clear();
+    if (options.neighbours == 0) return;
+    for (const auto& c :
+         covisibility_(map, query, options.min_shared_points, static_cast<std::size_t>(options.neighbours), accept))
+      neighbours_.push_back(c.keyframe);
+  }
+
+  template <class Accept>
   void add_predecessors([[maybe_unused]] const Map& map, [[maybe_unused]] keyframe query, [[maybe_unused]] int wanted,
-                        [[maybe_unused]] std::vector<keyframe>& list) {
+                        [[maybe_unused]] Accept accept, [[maybe_unused]] std::vector<keyframe>& list) {
     if constexpr (detail::map_has_v<Map, detail::map_temporal_member>) {
       if (wanted <= 0) return;
       seen_.clear();
@@ -87,7 +115,7 @@ class neighbourhood {
       for (keyframe k = traits::previous(map, query);
            !(k == keyframe{}) && list.size() < static_cast<std::size_t>(wanted); k = traits::previous(map, k)) {
         const std::size_t known = seen_.size();
-        if (seen_.place(map, k) == known) list.push_back(k);
+        if (seen_.place(map, k) == known && accept(k)) list.push_back(k);
       }
     }
   }
