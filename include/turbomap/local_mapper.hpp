@@ -106,11 +106,12 @@ class local_mapper {
 
   /// Normals and distance ranges of points whose position was changed, e.g. in the adjust hook.
   void update_geometry(span<const point> points) {
-    appearance_options options;
-    options.scales = options_.fusion.search.scales;
+    appearance_options options = appearance();
     options.descriptors = false;
     appearance_(ctx_, map_, store_, stored_, points, options, report_.held[mapping_stage::adjustment]);
   }
+  /// Descriptors, normals and distance ranges of points whose observations were changed, e.g. in the adjust hook.
+  void update_appearance(span<const point> points) { update(points, report_.held[mapping_stage::adjustment]); }
 
   const mapping_report& report() const { return report_; }
   local_mapper_options& options() { return options_; }
@@ -167,10 +168,13 @@ class local_mapper {
     cut_ = true;
     budget_.left_out(p);
   }
-  void update(span<const point> points, guard_times& held) {
+  appearance_options appearance() const {
     appearance_options options;
     options.scales = options_.fusion.search.scales;
-    report_.points_updated += appearance_(ctx_, map_, store_, stored_, points, options, held);
+    return options;
+  }
+  void update(span<const point> points, guard_times& held) {
+    report_.points_updated += appearance_(ctx_, map_, store_, stored_, points, appearance(), held);
   }
 
   void update_associated(keyframe current, guard_times& held) {
@@ -208,10 +212,10 @@ class local_mapper {
     if (!budget_.fits(create_all)) return cut(create_all);
     timed(create_all, 1, [&] {
       points_.clear();
-      report_.matches = matching_.create(ctx_, map_, options_.creation, points_, held);
+      report_.matches = matching_.create(ctx_, map_, options_.creation, appearance(), points_, held);
       report_.points_created = points_.size();
+      report_.points_updated += points_.size();
       watch(points_);
-      update(points_, held);
     });
   }
 
@@ -253,14 +257,18 @@ class local_mapper {
       const timed_guard<Map> guard(map_, held);
       keyframes_ = neighbourhood_.covisible_keyframes(map_, current, options_.neighbourhood, stored_only());
     }
+    points_.clear();  // that lose a view and live on
     for (const keyframe k : keyframes_) {
-      if (!budget_.fits(cull_a_keyframe)) return cut(cull_a_keyframe);
+      if (!budget_.fits(cull_a_keyframe)) {
+        cut(cull_a_keyframe);
+        break;
+      }
       timed(cull_a_keyframe, 1, [&] {
         const timed_guard<Map> guard(map_, held);
         if (!traits::alive(map_, k)) return;
         records_.clear();
         report_.keyframes_culled.reserve(report_.keyframes_culled.size() + 1);
-        cull_keyframes(map_, current, span<const keyframe>(&k, 1), options_.keyframe_culling, records_, nullptr,
+        cull_keyframes(map_, current, span<const keyframe>(&k, 1), options_.keyframe_culling, records_, &points_,
                        hooks_.erasing);
         for (const auto& record : records_) {
           if (record.verdict != culling_verdict::erased) continue;
@@ -269,6 +277,7 @@ class local_mapper {
         }
       });
     }
+    if (!points_.empty()) update(points_, held);
   }
 
   context<Policy>& ctx_;

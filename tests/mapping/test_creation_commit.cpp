@@ -9,7 +9,9 @@
 #include <turbomap/map/validate.hpp>
 #include <turbomap/mapping/creation_commit.hpp>
 
+#include <algorithm>
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <random>
@@ -37,6 +39,7 @@ struct creation {
   keyframe query{};
   std::vector<keyframe> neighbours;
   std::vector<point> created;
+  turbomap::computed_appearances<typename traits::descriptor> looks;  ///< of the next plan; none by default
 
   explicit creation(std::size_t count = 2, std::size_t keypoints = 4) {
     const std::vector<turbomap::keypoint> all(keypoints, make_keypoint(1));
@@ -48,8 +51,7 @@ struct creation {
     return {neighbour, q, c, outcome, turbomap::creation_method::triangulated, {1.0 + neighbour, 2.0 + q, 3.0 + c}};
   }
   void run(const std::vector<turbomap::created_point>& plan) {
-    turbomap::commit_points(map, turbomap::span<const turbomap::created_point>(plan), query,
-                            turbomap::span<const keyframe>(neighbours), created);
+    turbomap::commit_points<Map>(map, plan, looks, query, neighbours, created);
   }
   point at(keyframe k, std::size_t i) const { return traits::point_at(map, k, i); }
 };
@@ -68,6 +70,30 @@ TEST_CASE_TEMPLATE("an accepted point is seen by both, and is of the query", Map
   CHECK(c.created.size() == 2);  // appended
   c.run({});
   CHECK(c.created.size() == 2);
+}
+
+TEST_CASE_TEMPLATE("points enter the map with their appearance", Map, flat_map, pointer_map) {
+  creation<Map> c;
+  using traits = turbomap::map_traits<Map>;
+  constexpr auto elements = static_cast<std::size_t>(traits::descriptor::elements);
+  const std::vector<turbomap::point_appearance> looks{{{0, 0, 1}, 1, 4, 0}, {{0, 1, 0}, 2, 8, 0}, {{1, 0, 0}, 3, 9, 0}};
+  std::vector<typename traits::descriptor::element> descriptors(3 * elements);
+  for (std::size_t i = 0; i < descriptors.size(); ++i)
+    descriptors[i] = static_cast<typename traits::descriptor::element>(i);
+  c.looks = {looks, descriptors};
+  c.run({c.entry(0, 0, 0), c.entry(1, 1, 0, creation_outcome::scale), c.entry(1, 2, 1)});
+  REQUIRE(c.created.size() == 2);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const std::size_t entry = 2 * i;  // the second one was not accepted
+    const auto p = c.created[i];
+    CHECK(traits::min_distance(c.map, p) == looks[entry].min_distance);
+    CHECK(traits::max_distance(c.map, p) == looks[entry].max_distance);
+    CHECK(traits::normal(c.map, p).x == looks[entry].normal.x);
+    CHECK(std::equal(descriptors.begin() + static_cast<std::ptrdiff_t>(entry * elements),
+                     descriptors.begin() + static_cast<std::ptrdiff_t>((entry + 1) * elements),
+                     traits::descriptor_data(c.map, p)));
+  }
+  CHECK_THROWS_AS(c.run({c.entry(0, 3, 3)}), std::invalid_argument);  // not as many
 }
 
 TEST_CASE_TEMPLATE("a keypoint gets one point: of the first entry, or the one that it had", Map, flat_map,

@@ -177,6 +177,44 @@ TEST_CASE("keyframes that are in the map and not yet inserted do not use up the 
   }
 }
 
+TEST_CASE("no point is ever in the map without its appearance, and no appearance is out of date") {
+  // Of all live points when a stage ends, beside what an update from nothing gives.
+  for (const bool rig : {false, true}) {
+    CAPTURE(rig);
+    const auto check = [&](auto c) {
+      using map_type = mapped_by<std::decay_t<decltype(c.rig.cameras[0].camera)>>;
+      using traits = turbomap::map_traits<map_type>;
+      const mapping_scene<typename traits::camera> scene(c.rig, c.recipe);
+      mapping_run<map_type, seq>* running = nullptr;
+      std::size_t looked_at = 0, without = 0;
+      turbomap::local_mapper_hooks<map_type> hooks;
+      hooks.stage_done = [&](mapping_stage s, const turbomap::mapping_report&) {
+        if (s < mapping_stage::creation) return;
+        traits::for_each_point(running->map, [&](turbomap::map_point_id p) {
+          ++looked_at;
+          without += traits::max_distance(running->map, p) > 0 ? 0 : 1;
+        });
+      };
+      mapping_run<map_type, seq> run(scene, c.options, hooks);
+      running = &run;
+      std::size_t culled = 0;
+      for (int n = 0; n < 12; ++n) culled += run.step().keyframes_culled.size();
+      CHECK(looked_at > 1000);
+      CHECK(without == 0);
+      CHECK(culled > 0);
+      const std::string now = content(run.map);
+      std::vector<turbomap::map_point_id> all;
+      traits::for_each_point(run.map, [&](turbomap::map_point_id p) { all.push_back(p); });
+      run.mapper.update_appearance(turbomap::span<const turbomap::map_point_id>(all));
+      CHECK(content(run.map) == now);
+    };
+    if (rig)
+      check(rig_case());
+    else
+      check(stereo_case());
+  }
+}
+
 TEST_CASE("what is no keyframe of the map is refused by insert and process") {
   stereo_run<> r;
   r.run.steps(2);

@@ -174,6 +174,7 @@ class replayer {
     if (std::isfinite(time_left_ms)) options.solve.time_budget_ms = time_left_ms;
     adjusted_ = adjustment_(ctx_, map, k, options, held_);
     mapper_.update_geometry(turbomap::span<const turbomap::map_point_id>(adjustment_.points()));
+    mapper_.update_appearance(turbomap::span<const turbomap::map_point_id>(adjustment_.points_that_lost_views()));
   }
   void judge() {
     std::vector<std::int32_t> keyframes;

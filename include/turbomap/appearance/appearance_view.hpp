@@ -5,9 +5,11 @@
 /// \file
 /// What an update of map points takes and gives, as plain data.
 
+#include <cstddef>
 #include <cstdint>
 
 #include "../config.hpp"
+#include "../span.hpp"
 #include "../types.hpp"
 
 namespace turbomap {
@@ -44,6 +46,19 @@ struct point_appearance {
   float max_distance;  ///< m; distance to the reference keyframe * s^octave
   std::int32_t
       medoid;  ///< the observation with the representative descriptor, counted from the point's first; -1: none
+};
+
+/// Appearances as update_appearance() gives them, by number of the point.
+template <class Descriptor>
+struct computed_appearances {
+  span<const point_appearance> points;
+  span<const typename Descriptor::element> descriptors;  ///< [point][element]
+
+  bool empty() const { return points.empty(); }
+  std::size_t size() const { return points.size(); }
+  const typename Descriptor::element* descriptor(std::size_t i) const {
+    return descriptors.data() + i * static_cast<std::size_t>(Descriptor::elements);
+  }
 };
 
 }  // namespace turbomap

@@ -115,6 +115,8 @@ class local_adjustment {
 
   /// The points of the last adjustment: their normals and ranges are due.
   const std::vector<point>& points() const { return points_; }
+  /// Those of them that lost an observation as an outlier and live on: their descriptors are due too.
+  const std::vector<point>& points_that_lost_views() const { return lost_views_; }
 
  private:
   static bool same(const rigid_transform<double>& a, const rigid_transform<double>& b) {
@@ -138,7 +140,7 @@ class local_adjustment {
               local_adjustment_summary& summary) {
     float scale[scale_table_size], sigma2[scale_table_size];
     fill_scales(options.scales, scale, sigma2);
-    frames_.clear(), frame_numbers_.clear(), point_numbers_.clear(), points_.clear();
+    frames_.clear(), frame_numbers_.clear(), point_numbers_.clear(), points_.clear(), lost_views_.clear();
     before_.clear(), fixed_.clear(), positions_before_.clear();
     frame_.clear(), landmark_.clear(), pixel_.clear(), information_.clear(), camera_.clear(), keypoint_.clear();
     summary.stale = !traits::alive(map, current);
@@ -211,7 +213,7 @@ class local_adjustment {
       summary.stale = summary.stale || !traits::alive(map, frames_[f]) || !same(pose_of(map, frames_[f]), before_[f]);
     }
     if (summary.stale) return;
-    outliers_.clear();
+    outliers_.clear(), lost_views_.clear();
     for (std::size_t row = 0; row < frame_.size(); ++row) {
       const bool stereo = pixel_[row].z >= 0 && detail::is_finite(pixel_[row].z) && rig_[camera_[row]].bf > 0;
       if (chi2_[row] <= (stereo ? options.stereo_chi2 : options.mono_chi2) && depth_[row] > 0) continue;
@@ -222,14 +224,19 @@ class local_adjustment {
       require_consistent(map, p);
       outliers_.push_back(row);
     }
+    lost_views_.reserve(outliers_.size());
     for (std::size_t f = 0; f < frames_.size(); ++f)
       if (fixed_[f] == 0) traits::set_pose(map, frames_[f], T_cw_[f]);
     for (std::size_t p = 0; p < points_.size(); ++p)
       if (unmoved(map, p)) traits::set_position(map, points_[p], positions_[p]);
     for (const std::size_t row : outliers_) {
       const keyframe k = frames_[static_cast<std::size_t>(frame_[row])];
-      if (traits::point_at(map, k, keypoint_[row]) == point{}) continue;  // its point died of an outlier before
-      summary.points_erased += fade(map, k, keypoint_[row], options.fewest_measurements) ? 1 : 0;
+      const point p = traits::point_at(map, k, keypoint_[row]);
+      if (p == point{}) continue;  // it died of an outlier before
+      if (fade(map, k, keypoint_[row], options.fewest_measurements))
+        ++summary.points_erased;
+      else
+        lost_views_.push_back(p);
       ++summary.outliers;
     }
   }
@@ -240,7 +247,7 @@ class local_adjustment {
   keyframe_numbering<Map> frame_numbers_;
   point_numbering<Map> point_numbers_;
   std::vector<keyframe> frames_;
-  std::vector<point> points_;
+  std::vector<point> points_, lost_views_;
   std::vector<rigid_transform<double>> before_, T_cw_;
   std::vector<std::uint8_t> fixed_;
   std::vector<vec3<double>> positions_before_, positions_;

@@ -9,8 +9,10 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
+#include "../appearance/update_appearance.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../map/map_traits.hpp"
@@ -38,7 +40,7 @@ class neighbour_matching {
   using store_type = keyframe_store<descriptor, camera, memory_of_t<Policy>>;
   using matches_type = correspondences<descriptor, camera, Policy>;
 
-  explicit neighbour_matching(const context<Policy>& ctx) : matches_(ctx), creation_(ctx) {}
+  explicit neighbour_matching(const context<Policy>& ctx) : matches_(ctx), creation_(ctx), appearances_(ctx) {}
 
   /// Snapshot: poses and masks of the keyframe and of those neighbours whose baseline suffices, no more than `limit`. The
   /// caller holds the guard. \param stereo_baseline  m; 0: monocular. Returns how many neighbours there are.
@@ -80,15 +82,20 @@ class neighbour_matching {
                            options, result);
   }
 
-  /// Creates points of the matches and commits them. \param created  appended. Returns the number of matches.
-  std::size_t create(context<Policy>& ctx, Map& map, const creation_options& options, std::vector<point>& created,
-                     guard_times& held) {
+  /// Creates points of the matches, computes what they look like, and commits them with it.
+  /// \param created  appended. Returns the number of matches
+  std::size_t create(context<Policy>& ctx, Map& map, const creation_options& options,
+                     const appearance_options& appearance, std::vector<point>& created, guard_times& held) {
     create_points(ctx, matches_, options, creation_);
     creation_.plan(ctx, matches_, plan_);
+    accepted_.clear();
+    for (const created_point& p : plan_)
+      if (p.outcome == creation_outcome::accepted) accepted_.push_back(p);
+    describe(ctx, appearance);
     release();
     const timed_guard<Map> guard(map, held);
-    commit_points(map, span<const created_point>(plan_), selection_[0],
-                  span<const keyframe>(selection_.keyframes().data() + 1, selection_.size() - 1), created);
+    commit_points<Map>(map, accepted_, {look_, descriptors_}, selection_[0],
+                       span<const keyframe>(selection_.keyframes().data() + 1, selection_.size() - 1), created);
     return plan_.size();
   }
   /// Gives the keyframes back to the store.
@@ -101,6 +108,25 @@ class neighbour_matching {
   const std::vector<created_point>& plan() const { return plan_; }
 
  private:
+  /// The appearance of the accepted points: as if the two views of each were in the map already.
+  void describe(context<Policy>& ctx, const appearance_options& options) {
+    positions_.clear(), observations_.clear(), references_.assign(accepted_.size(), 0);  // number 0 is the query
+    offsets_.assign(1, 0);
+    for (const created_point& p : accepted_) {
+      const std::size_t neighbour = 1 + static_cast<std::size_t>(p.neighbour);
+      point_observation first{0, p.query}, second{static_cast<std::int32_t>(neighbour), p.candidate};
+      // In order of insertion into the map: of equal descriptors the first wins.
+      if (selection_.ids()[neighbour] < selection_.ids()[0]) std::swap(first, second);
+      observations_.push_back(first), observations_.push_back(second);
+      offsets_.push_back(static_cast<std::int32_t>(observations_.size()));
+      positions_.push_back(p.position);
+    }
+    const appearance_view view{static_cast<int>(accepted_.size()), positions_.data(), offsets_.data(),
+                               observations_.data(), references_.data()};
+    update_appearance(ctx, view, span<const posed_keyframe<descriptor, camera>>(posed_), options, appearances_);
+    appearances_.plan(ctx, look_, descriptors_);
+  }
+
   bool suffices(const Map& map, const rigid_transform<double>& T_query, keyframe n, double stereo_baseline,
                 const neighbour_options& rule) {
     const auto T_n = pose_of(map, n);
@@ -121,7 +147,14 @@ class neighbour_matching {
   std::vector<std::vector<std::uint8_t>> masks_;
   std::vector<pinned_keyframes<descriptor, camera, memory_of_t<Policy>>> pinned_;
   std::vector<posed_keyframe<descriptor, camera>> posed_;
-  std::vector<created_point> plan_;
+  std::vector<created_point> plan_, accepted_;
+  appearances<descriptor, camera, Policy> appearances_;
+  // Of the accepted points.
+  std::vector<vec3<double>> positions_;
+  std::vector<std::int32_t> offsets_, references_;
+  std::vector<point_observation> observations_;
+  std::vector<point_appearance> look_;
+  std::vector<typename descriptor::element> descriptors_;
   std::vector<vec3<double>> points_;
   std::vector<double> depths_;
 };
