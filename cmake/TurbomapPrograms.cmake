@@ -46,10 +46,13 @@ else()
   message(STATUS "turbomap: no tests and no programs under the policy tbb: TBB was not found")
 endif()
 
-# The oracles: tests and tools compare with them. They include the library and each other, nothing of tests or tools.
+# The oracles: tests and tools compare with them. They include the library, each other and Eigen, nothing of tests or tools.
+if((TURBOMAP_BUILD_TESTS OR TURBOMAP_BUILD_TOOLS) AND NOT TARGET turbomap::eigen)
+  message(FATAL_ERROR "turbomap: the tests and the tools need Eigen 3.4, which was not found; the library does not")
+endif()
 add_library(turbomap_reference INTERFACE)
 target_include_directories(turbomap_reference INTERFACE "${PROJECT_SOURCE_DIR}/tests")
-target_link_libraries(turbomap_reference INTERFACE turbomap_developer)
+target_link_libraries(turbomap_reference INTERFACE turbomap_developer $<TARGET_NAME_IF_EXISTS:turbomap::eigen>)
 
 # The parts of the programs in tools/, for the programs themselves and for their tests.
 add_library(turbomap_tools INTERFACE)
