@@ -185,7 +185,7 @@ TEST_CASE("no point is ever in the map without its appearance, and no appearance
       using map_type = mapped_by<std::decay_t<decltype(c.rig.cameras[0].camera)>>;
       using traits = turbomap::map_traits<map_type>;
       const mapping_scene<typename traits::camera> scene(c.rig, c.recipe);
-      mapping_run<map_type, seq>* running = nullptr;
+      mapping_run<map_type, sequential>* running = nullptr;
       std::size_t looked_at = 0, without = 0;
       turbomap::local_mapper_hooks<map_type> hooks;
       hooks.stage_done = [&](mapping_stage s, const turbomap::mapping_report&) {
@@ -195,7 +195,7 @@ TEST_CASE("no point is ever in the map without its appearance, and no appearance
           without += traits::max_distance(running->map, p) > 0 ? 0 : 1;
         });
       };
-      mapping_run<map_type, seq> run(scene, c.options, hooks);
+      mapping_run<map_type, sequential> run(scene, c.options, hooks);
       running = &run;
       std::size_t culled = 0;
       for (int n = 0; n < 12; ++n) culled += run.step().keyframes_culled.size();
