@@ -64,6 +64,19 @@ function(turbomap_add_test source label)
   set_property(TEST ${test} PROPERTY ENVIRONMENT "${turbomap_test_environment}")
 endfunction()
 
+# turbomap_add_script_test(NAME LABEL SCRIPT): a bash script that looks at the source.
+find_program(TURBOMAP_BASH bash)
+mark_as_advanced(TURBOMAP_BASH)
+function(turbomap_add_script_test name label script)
+  if(TURBOMAP_BASH)
+    set(test ${TURBOMAP_TEST_PREFIX}${name})
+    add_test(NAME ${test} COMMAND "${TURBOMAP_BASH}" "${CMAKE_CURRENT_SOURCE_DIR}/${script}")
+    set_tests_properties(${test} PROPERTIES TIMEOUT 60 LABELS ${label})
+  else()
+    message(STATUS "turbomap: no test ${name}: bash was not found")
+  endif()
+endfunction()
+
 # turbomap_add_tests(LABEL LABEL FILES FILE... [LIBRARIES LIBRARY...] [JSON REGEX] [OPENCV REGEX]): a test per FILE that this
 # build compiles. A file whose path matches a regular expression needs that library too; where it was not found, cmake says
 # that the test is missing.

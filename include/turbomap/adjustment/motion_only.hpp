@@ -21,7 +21,7 @@
 
 namespace turbomap {
 
-/// Options of adjust_poses(). Defaults are those of [ORB-SLAM3]'s tracking.
+/// Options of motion_only. Defaults are those of [ORB-SLAM3]'s tracking.
 struct motion_only_options {
   int rounds = 4;                      ///< after each, outliers are told anew from all observations
   int iterations = 10;                 ///< Levenberg-Marquardt steps tried in a round

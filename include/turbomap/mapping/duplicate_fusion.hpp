@@ -31,7 +31,7 @@ enum class fusion_mode : std::uint8_t {
                 ///< their new descriptors at once [ORB-SLAM3]. Many small calls: for comparisons
 };
 
-/// Options of fuse_duplicates.
+/// Options of duplicate_fusion.
 struct fusion_options {
   fusion_mode mode = fusion_mode::snapshot;
   duplicate_options search;

@@ -47,7 +47,7 @@ struct set_slot {
 /// \param ctx         the execution context; a bare policy works too, see below
 /// \param query       the new keyframe
 /// \param neighbours  any number, also none; neighbours with too short a baseline are the caller's to leave out
-///                    (baseline_suffices)
+///                    (baseline_suffices_stereo, baseline_suffices_monocular)
 /// \param options     thresholds, candidates, ties
 /// \param result      of this context; overwritten, its memory reused. Under CUDA the search may still be running on return
 /// \throws std::invalid_argument naming argument and value (poses that are not finite, sizes that do not fit...); `result`

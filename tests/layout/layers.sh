@@ -1,0 +1,65 @@
+#!/usr/bin/env bash
+# SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+# SPDX-License-Identifier: Apache-2.0
+
+# layers.sh: who may include whom (layers.txt), and where details of the library stand: `detail` inside the inline
+# namespace of config.hpp, `plain_detail` outside; one name in both places is ambiguous to some compilers.
+set -eu -o pipefail
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+cd "$here/../.."
+export LC_ALL=C
+
+mapfile -t files < <(find include tests tools examples -name '*.hpp' -o -name '*.cpp' -o -name '*.cuh' -o -name '*.cu' -o -name '*.inc' | sort)
+printf '%s\n' "${files[@]}" | awk -v rules="$here/layers.txt" '
+  function area_of(path,    a, best) {
+    best = ""
+    for (a in allowed) if ((path == a || index(path, a "/") == 1) && length(a) > length(best)) best = a
+    return best
+  }
+  function resolve(folder, path,    n, part, i, k, out) {
+    n = split(folder "/" path, part, "/")
+    k = 0
+    for (i = 1; i <= n; ++i) {
+      if (part[i] == "." || part[i] == "") continue
+      if (part[i] == "..") --k; else out[++k] = part[i]
+    }
+    path = out[1]
+    for (i = 2; i <= k; ++i) path = path "/" out[i]
+    return path
+  }
+  function complain(text) { print text; bad = 1 }
+  BEGIN {
+    while ((getline line < rules) > 0)
+      if (line !~ /^#/ && match(line, /^[^:]+:/)) allowed[substr(line, 1, RLENGTH - 1)] = substr(line, RLENGTH + 1) " "
+  }
+  { file[$0] = 1; order[++count] = $0 }
+  END {
+    for (f = 1; f <= count; ++f) {
+      path = order[f]
+      folder = path
+      sub(/\/[^\/]*$/, "", folder)
+      from = area_of(path)
+      if (from == "") complain(path ": no line of layers.txt is about it")
+      inside = 0
+      for (number = 1; (getline line < path) > 0; ++number) {
+        if (line ~ /^TURBOMAP_BEGIN_NAMESPACE/) inside = 1
+        if (line ~ /^TURBOMAP_END_NAMESPACE/) inside = 0
+        if (path ~ /^include\// && line ~ /^namespace (turbomap::)?detail/ && !inside)
+          complain(path ":" number ": `detail` belongs into the inline namespace; outside it is `plain_detail`")
+        if (path ~ /^include\// && line ~ /^namespace (turbomap::)?plain_detail/ && inside)
+          complain(path ":" number ": `plain_detail` belongs outside of the inline namespace")
+        if (line !~ /^ *# *include "/) continue
+        target = line
+        sub(/^[^"]*"/, "", target); sub(/".*/, "", target)
+        to = resolve(folder, target)
+        if (!(to in file) && path ~ /^(tests|tools)\// && ("tests/" target) in file) to = "tests/" target
+        if (!(to in file) && path ~ /^tools\// && ("tools/" target) in file) to = "tools/" target
+        if (!(to in file)) { complain(path ":" number ": there is no \"" target "\""); continue }
+        area = area_of(to)
+        if (area != from && index(allowed[from], " " area " ") == 0 && allowed[from] !~ /\*/)
+          complain(path ":" number ": " from " must not include " area " (" to ")")
+      }
+      close(path)
+    }
+    exit bad
+  }'
