@@ -23,6 +23,7 @@ trap 'rm -rf "$scratch"' EXIT
 # --- what there is ---------------------------------------------------------------------------------------------------------
 
 find . -path ./build -prune -o -path ./.git -prune -o -type f -print | sed 's,^\./,,' | sort >"$scratch/files"
+mapfile -t headers < <(grep -E '^include/.*\.(hpp|cuh)$' "$scratch/files")
 grep -E '^(include|tools|examples|tests/reference|tests/support)/.*\.(hpp|cpp|cu|cuh|inc)$' "$scratch/files" |
   xargs sed -E 's,//.*$,,' | grep -oE '[A-Za-z_][A-Za-z0-9_]*' | sort -u >"$scratch/words"
 # Names of the build and of the scripts.
@@ -94,7 +95,7 @@ awk '
       n = split(name, part, "::")
       print where "\tname\t" part[n]
     }
-  }' "${pages[@]}" $(grep -E '^include/.*\.(hpp|cuh)$' "$scratch/files") >"$scratch/named"
+  }' "${pages[@]}" "${headers[@]}" >"$scratch/named"
 
 # --- the headings of each page, as links name them ---------------------------------------------------------------------------
 
