@@ -6,6 +6,7 @@
 /// What the oracles of the correspondence search and of point creation share: poses, rays and triangulation as a textbook
 /// has them, in Eigen and plain double. Nothing here uses the library's own geometry, only its data and camera models.
 
+#include <turbomap/camera/camera_concept.hpp>
 #include <turbomap/camera/pinhole.hpp>
 #include <turbomap/matching/search_options.hpp>
 #include <turbomap/store/posed_keyframe.hpp>
