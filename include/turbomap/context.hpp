@@ -13,12 +13,13 @@
 
 #include "array.hpp"
 #include "memory.hpp"
+#include "packed_inputs.hpp"
 #include "parallel.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Hands out pieces of reusable memory in one direction and takes them all back at once. After the first calls it owns
-/// one block that is large enough, and allocates no more.
+/// A bump allocator: pieces are taken one behind the other and given back all at once. After the first calls it owns one
+/// block that is large enough, and allocates no more.
 template <class Memory>
 class scratch_arena {
  public:
@@ -40,8 +41,8 @@ class scratch_arena {
   /// Whether reset() will exchange the blocks for a single one.
   bool fragmented() const { return blocks_.size() > 1; }
 
-  /// Takes everything back. Whoever calls it knows that nothing enqueued still uses the memory of this arena, or that it is
-  /// used in the same stream order.
+  /// Takes everything back. The caller knows that nothing enqueued still uses the memory of this arena, or that it is used
+  /// in the same stream order.
   void reset() {
     if (blocks_.size() > 1) {
       std::size_t total = 0;
@@ -66,12 +67,6 @@ class scratch_arena {
   std::pmr::memory_resource* resource_;
   std::vector<array<std::byte, Memory>> blocks_;
   std::size_t used_ = 0;
-};
-
-/// A block of host memory that is filled by the caller and then sent to the policy's memory in one copy.
-struct upload_block {
-  std::byte* host;
-  std::byte* resident;
 };
 
 /// An execution policy, its stream and reusable memory. `context ctx{thrust::host};`, `{thrust::omp::par}`,
@@ -116,19 +111,32 @@ class context {
     return scratch_.template take<T>(n);
   }
 
-  /// The block a call packs its inputs into; `target` holds them in the policy's memory. Waits only if the previous call of
-  /// this context is still under way.
+  /// The same memory, for launchers that take what they need themselves.
+  scratch_arena<memory_type>& scratch() { return scratch_; }
+
+  /// `n` elements of a result for the host to read after synchronize(): where they are if the host can read them there, else
+  /// copied into `buffer`.
+  template <class T>
+  const T* on_host(const T* resident, std::size_t n, std::vector<T>& buffer) {
+    if constexpr (is_host_accessible_v<memory_type>) return resident;
+    buffer.resize(n);
+    copy_out(policy_, buffer.data(), resident, n * sizeof(T));
+    return buffer.data();
+  }
+
+  /// The block that a call packs its inputs into (packed_inputs.hpp); `target` holds them in the policy's memory. Waits only
+  /// if the previous call of this context is still running.
   upload_block begin_upload(array<std::byte, memory_type>& target, std::size_t bytes) {
     if (upload_in_flight_) synchronize();
     target.resize_discard(bytes);
-    if constexpr (std::is_same_v<memory_type, host_memory>) return {target.data(), target.data()};
+    if constexpr (is_host_accessible_v<memory_type>) return {target.data(), target.data()};
     staging_.resize_discard(bytes);
     return {staging_.data(), target.data()};
   }
   /// Sends it: one copy (none under a host policy).
   void send(const upload_block& block, std::size_t bytes) {
     copy_in(policy_, block.resident, block.host, bytes);
-    upload_in_flight_ = !std::is_same_v<memory_type, host_memory>;
+    upload_in_flight_ = !is_host_accessible_v<memory_type>;
   }
 
   /// Waits until all work of this context is done.

@@ -23,6 +23,12 @@ struct host_memory {};
 /// Memory of a CUDA device.
 struct device_memory {};
 
+/// Whether the host reads and writes a kind of memory directly: then nothing is copied there or back.
+template <class Memory>
+inline constexpr bool is_host_accessible_v = true;
+template <>
+inline constexpr bool is_host_accessible_v<device_memory> = false;
+
 }  // namespace turbomap
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -33,6 +39,13 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Derived>
 host_memory memory_of(const thrust::execution_policy<Derived>&);
 /// @}
+
+/// The policy itself, of a reference to its base class: what a launcher hands on, so that overloads for the policy are
+/// found.
+template <class Derived>
+const Derived& derived(const thrust::execution_policy<Derived>& policy) {
+  return static_cast<const Derived&>(policy);
+}
 
 /// Bytes start at multiples of this in every packed block of the library: the widest vector load of host and device.
 inline constexpr std::size_t block_alignment = 64;

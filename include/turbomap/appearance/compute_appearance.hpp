@@ -3,18 +3,17 @@
 #pragma once
 
 /// \file
-/// The update of one map point, as the function object that runs for each index under a policy. Geometry in strict
-/// arithmetic: the normal and the range decide later, so they are the same bits everywhere.
+/// The appearance of one map point: mean viewing direction, distance range and representative descriptor from all its
+/// observations. Geometry in strict arithmetic: normal and range decide later, so they are the same bits everywhere.
 
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <type_traits>
 
 #include "../config.hpp"
+#include "../context.hpp"
 #include "../math/linear.hpp"
 #include "../math/strict.hpp"
-#include "../memory.hpp"
 #include "../store/keyframe_view.hpp"
 #include "appearance_view.hpp"
 #include "medoid.hpp"
@@ -64,8 +63,8 @@ struct observed_descriptors {
   }
 };
 
-/// Index = point. A host has a stack for the table of distances, a thread of a device has not.
-template <class Descriptor, class Camera, class Memory>
+/// Index = point. `Medoid` finds the representative descriptor.
+template <class Descriptor, class Camera, class Medoid>
 struct compute_appearance {
   appearance_inputs<Descriptor, Camera> in;
   point_appearance* points;
@@ -118,14 +117,32 @@ struct compute_appearance {
       std::memset(static_cast<void*>(mine), 0, Descriptor::bytes);
       return;
     }
-    if constexpr (std::is_same_v<Memory, host_memory>)
-      p.medoid = medoid_with_table<Descriptor>(n, all);
-    else
-      p.medoid = medoid_without_memory<Descriptor>(n, all);
+    p.medoid = Medoid::template find<Descriptor>(n, all);
     std::memcpy(static_cast<void*>(mine), all(p.medoid), Descriptor::bytes);
   }
 };
 
 }  // namespace detail
 
+/// Computes the centres of all cameras.
+template <class Derived, class Descriptor, class Camera>
+void launch_find_camera_centres(const thrust::execution_policy<Derived>& policy,
+                                const detail::appearance_inputs<Descriptor, Camera>& in, int keyframe_count) {
+  for_each_index(derived(policy), keyframe_count * in.cameras, detail::find_camera_centre<Descriptor, Camera>{in});
+}
+
+/// Computes points 0 ... count - 1. A host has a stack for the table of distances; a thread of a device has not
+/// (cuda/compute_appearance.cuh).
+template <class Derived, class Descriptor, class Camera>
+void launch_compute_appearance(const thrust::execution_policy<Derived>& policy,
+                               const detail::appearance_inputs<Descriptor, Camera>& in, int count,
+                               point_appearance* points, typename Descriptor::element* descriptors) {
+  for_each_index(derived(policy), count,
+                 detail::compute_appearance<Descriptor, Camera, medoid_on_stack>{in, points, descriptors});
+}
+
 TURBOMAP_END_NAMESPACE
+
+#if TURBOMAP_HAS_CUDA
+#include "cuda/compute_appearance.cuh"
+#endif

@@ -199,4 +199,20 @@ TURBOMAP_HD int medoid_with_table(int n, const Descriptors& descriptors) {
   return detail::least_median<key>(n, detail::stored_rows<key>{table, stride});
 }
 
+/// \name The two ways as function objects
+/// @{
+struct medoid_on_stack {
+  template <class Descriptor, class Descriptors>
+  TURBOMAP_HD static int find(int n, const Descriptors& descriptors) {
+    return medoid_with_table<Descriptor>(n, descriptors);
+  }
+};
+struct medoid_in_registers {
+  template <class Descriptor, class Descriptors>
+  TURBOMAP_HD static int find(int n, const Descriptors& descriptors) {
+    return medoid_without_memory<Descriptor>(n, descriptors);
+  }
+};
+/// @}
+
 TURBOMAP_END_NAMESPACE

@@ -5,15 +5,13 @@
 /// \file
 /// What a duplicate search demands of its arguments.
 
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <string>
 
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../math/functions.hpp"
-#include "../math/scale_table.hpp"
+#include "../store/argument_checks.hpp"
 #include "duplicate_options.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -21,23 +19,14 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Throws std::invalid_argument naming the option that cannot be.
 template <class Descriptor>
 void check_duplicate_options(const duplicate_options& o) {
-  const auto positive = [](const char* name, double value) {
-    require(value > 0 && detail::is_finite(value), name, value, "must be finite and positive");
-  };
-  const auto factor = [](const char* name, double value) {
-    require(value >= 0 && detail::is_finite(value), name, value, "must be finite and not negative");
-  };
-  require(o.scales.levels >= 1 && o.scales.levels <= scale_table_size, "options.scales.levels", o.scales.levels,
-          "must be in [1, 256]: octaves are bytes");
-  require(o.scales.scale_factor >= 1 && detail::is_finite(o.scales.scale_factor), "options.scales.scale_factor",
-          o.scales.scale_factor, "must be finite and at least 1");
-  positive("options.radius", o.radius);
+  check_scales(o.scales);
+  check_positive("options.radius", o.radius);
   require(o.min_view_cosine >= -1 && o.min_view_cosine <= 1, "options.min_view_cosine", o.min_view_cosine,
           "must be a cosine");
-  factor("options.min_range_factor", o.min_range_factor);
-  factor("options.max_range_factor", o.max_range_factor);
-  positive("options.mono_chi2", o.mono_chi2);
-  positive("options.stereo_chi2", o.stereo_chi2);
+  check_not_negative("options.min_range_factor", o.min_range_factor);
+  check_not_negative("options.max_range_factor", o.max_range_factor);
+  check_positive("options.mono_chi2", o.mono_chi2);
+  check_positive("options.stereo_chi2", o.stereo_chi2);
   require(o.max_distance >= 0 && o.max_distance < static_cast<double>(Descriptor::worst), "options.max_distance",
           o.max_distance, "must be a distance of the descriptor");
   require(o.window_octave >= 0 && o.window_octave < o.scales.levels, "options.window_octave", o.window_octave,
@@ -62,34 +51,44 @@ void check_map_points(const map_point_view<Descriptor>& points, const duplicate_
 /// Throws std::invalid_argument naming what is wrong with target number `i`.
 template <class Descriptor, class Camera>
 void check_duplicate_target(std::size_t i, const duplicate_target<Descriptor, Camera>& target, int point_count) {
-  const auto demand = [i](bool holds, const char* member, const auto& value, const char* rule) {
-    if (!holds) reject("targets[" + std::to_string(i) + "]." + member, value, rule);
+  const argument_name name("targets", i);
+  const auto demand = [&name](bool holds, const char* member, const auto& value, const char* rule) {
+    if (!holds) reject(name + member, value, rule);
   };
-  const rigid_transform<double>& T = target.T_cw;
-  const double sum = T.qx + T.qy + T.qz + T.qw + T.tx + T.ty + T.tz;
-  const double norm = T.qx * T.qx + T.qy * T.qy + T.qz * T.qz + T.qw * T.qw;
-  demand(detail::is_finite(sum), "T_cw", sum, "a pose must be finite");
-  demand(std::abs(norm - 1) < 1e-3, "T_cw squared quaternion norm", norm, "must be 1");
   const keyframe_view<Descriptor, Camera>& v = target.view;
-  demand(v.keypoint_count >= 0, "view.keypoint_count", v.keypoint_count, "must not be negative");
-  demand(v.camera_count >= 1 && v.cameras != nullptr, "view.camera_count", v.camera_count,
-         "a keyframe needs a rig of at least one camera");
+  check_pose(name, target.T_cw);
+  check_keypoint_count(name, v);
+  check_rig(name, v);
   demand(target.skip.empty() ||
              target.skip.size() == static_cast<std::size_t>(v.camera_count) * static_cast<std::size_t>(point_count),
-         "skip.size()", target.skip.size(), "must be 0 or the number of cameras times that of points");
+         ".skip.size()", target.skip.size(), "must be 0 or the number of cameras times that of points");
   if (v.keypoint_count == 0) return;
-  demand(v.pixel != nullptr && v.octave != nullptr && v.descriptor != nullptr, "view", "null",
+  demand(v.pixel != nullptr && v.octave != nullptr && v.descriptor != nullptr, ".view", "null",
          "pixel, octave and descriptor are needed");
   const cell_index_view& c = v.cells;
   demand(c.bounds.max_x > c.bounds.min_x && c.bounds.max_y > c.bounds.min_y &&
              detail::is_finite(c.bounds.max_x - c.bounds.min_x) && detail::is_finite(c.bounds.max_y - c.bounds.min_y),
-         "view.cells.bounds", c.bounds.max_x - c.bounds.min_x, "the image must have a finite size, also without cells");
+         ".view.cells.bounds", c.bounds.max_x - c.bounds.min_x,
+         "the image must have a finite size, also without cells");
   if (c.columns == 0) return;
-  demand(c.columns > 0 && c.rows > 0, "view.cells.columns", c.columns, "a grid has columns and rows");
-  demand(c.offsets.data != nullptr && c.keypoints.data != nullptr, "view.cells", "null", "a grid has lists");
+  demand(c.columns > 0 && c.rows > 0, ".view.cells.columns", c.columns, "a grid has columns and rows");
+  demand(c.offsets.data != nullptr && c.keypoints.data != nullptr, ".view.cells", "null", "a grid has lists");
   demand(c.inverse_width > 0 && c.inverse_height > 0 && detail::is_finite(c.inverse_width) &&
              detail::is_finite(c.inverse_height),
-         "view.cells.inverse_width", c.inverse_width, "the size of a cell must be finite and positive");
+         ".view.cells.inverse_width", c.inverse_width, "the size of a cell must be finite and positive");
+}
+
+/// Throws std::invalid_argument naming what is wrong with the targets; returns their cameras all together.
+template <class Descriptor, class Camera>
+std::size_t check_duplicate_targets(span<const duplicate_target<Descriptor, Camera>> targets, int point_count) {
+  std::int64_t requests = 0;
+  for (std::size_t i = 0; i < targets.size(); ++i) {
+    check_duplicate_target(i, targets[i], point_count);
+    requests += targets[i].view.camera_count;
+    require(requests * (point_count > 0 ? point_count : 1) < (std::int64_t{1} << 31), "points x cameras of all targets",
+            requests * point_count, "must be below 2^31 in one call");
+  }
+  return static_cast<std::size_t>(requests);
 }
 
 TURBOMAP_END_NAMESPACE

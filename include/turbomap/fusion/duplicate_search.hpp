@@ -11,45 +11,12 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../descriptor/descriptor_concept.hpp"
-#include "duplicate_prefilter.hpp"
 #include "duplicate_setup.hpp"
-#include "duplicate_test.hpp"
 #include "duplicates.hpp"
+#include "prepare_cameras.hpp"
+#include "search_duplicates.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
-
-/// Index i = request * blocks + block: `BlockSize` points in one camera of one target.
-template <class Descriptor, class Camera, int BlockSize>
-struct duplicate_search {
-  using distance_type = typename Descriptor::distance_type;
-
-  duplicate_view<Descriptor, Camera> search;
-
-  TURBOMAP_HD int blocks() const { return (search.points.count + BlockSize - 1) / BlockSize; }
-
-  TURBOMAP_HD void operator()(int i) const {
-    const int request = i / blocks(), first = i % blocks() * BlockSize;
-    const int last = search.points.count - first < BlockSize ? search.points.count : first + BlockSize;
-    const duplicate_camera& camera = search.cameras[request];
-    const std::int64_t at = static_cast<std::int64_t>(request) * search.points.count;
-    const duplicate_test<Descriptor, Camera> test{search, camera};
-    for (int p = first; p < last; ++p) search.hits[at + p] = {-1, no_duplicate_distance<Descriptor>};
-    if (search.trials != nullptr) {
-      for (int p = first; p < last; ++p) store(at + p, search.trials[at + p] = test(p));
-      return;
-    }
-    const duplicate_prefilter<Descriptor, Camera> prefilter(search, camera);
-    for (int p = first; p < last; ++p) {
-      const bool skipped = camera.of.skip != nullptr && camera.of.skip[p] != 0;
-      if (!skipped && prefilter.may_match(p)) store(at + p, test(p));
-    }
-  }
-
- private:
-  TURBOMAP_HD void store(std::int64_t at, const duplicate_trial<distance_type>& trial) const {
-    if (trial.outcome == duplicate_outcome::matched) search.hits[at] = {trial.keypoint, trial.distance};
-  }
-};
 
 /// For each point and each camera of each target: projects the point, and looks around it for the keypoint of least
 /// descriptor distance <= options.max_distance whose octave and reprojection error fit [ORB-SLAM3], [TurboMap §IV-D].
@@ -78,15 +45,12 @@ void find_duplicates(context<Policy>& ctx, const map_point_view<Descriptor>& poi
                      duplicates<Descriptor, Camera, Policy>& result) {
   static_assert(require_descriptor<Descriptor>());
   static_assert(require_camera<Camera>());
-  // A thread of a device takes one point; a host's loop over a block keeps the camera at hand.
-  constexpr int block_size = std::is_same_v<memory_of_t<Policy>, host_memory> ? 64 : 1;
   ctx.begin_call();
-  const auto search = duplicate_setup<Descriptor, Camera, Policy>{ctx, result}(points, targets, options);
+  const auto search = set_up_duplicate_search(ctx, points, targets, options, result.buffers());
   if (search.request_count == 0 || points.count == 0) return;
   try {
-    for_each_index(ctx.policy(), search.request_count, prepare_duplicate_camera<Descriptor, Camera>{search});
-    const duplicate_search<Descriptor, Camera, block_size> body{search};
-    for_each_index(ctx.policy(), search.request_count * body.blocks(), body);
+    launch_prepare_cameras(ctx.policy(), search);
+    launch_search_duplicates(ctx.policy(), search);
   } catch (...) {  // out of memory
     result.clear();
     throw;

@@ -69,21 +69,4 @@ struct duplicate_view {
   }
 };
 
-/// Computes camera `i` of the search.
-template <class Descriptor, class Camera>
-struct prepare_duplicate_camera {
-  duplicate_view<Descriptor, Camera> search;
-
-  TURBOMAP_HD void operator()(int i) const {
-    duplicate_camera c;
-    c.of = search.requests[i];
-    const auto& camera = search.keyframes[c.of.target].cameras[c.of.camera];
-    c.T_cw = to_isometry<decision>(camera.T_camera_body) * to_isometry<decision>(search.T_cw[c.of.target]);
-    c.centre = camera_centre(c.T_cw);
-    pinhole<double> K;
-    c.bf = decision(as_pinhole(camera.camera, K) && camera.bf > 0 ? camera.bf : 0.0);
-    search.cameras[i] = c;
-  }
-};
-
 TURBOMAP_END_NAMESPACE

@@ -26,6 +26,13 @@ struct drop_matches {
 
 }  // namespace detail
 
+template <class Derived, class Descriptor, class Camera, class Filter>
+void launch_drop_matches(const thrust::execution_policy<Derived>& policy, const search_view<Descriptor, Camera>& search,
+                         const Filter& filter) {
+  for_each_index(derived(policy), search.neighbour_count * search.slot_count,
+                 detail::drop_matches<Descriptor, Camera, Filter>{search, filter});
+}
+
 /// What a filter demands: throws std::invalid_argument naming the option. filter() asks all of its filters before it
 /// applies the first.
 template <class Matches, class Filter>
@@ -34,9 +41,7 @@ void check_filter(const Matches&, const Filter&) {}
 /// Removes matches that the filter does not keep. A user's own filter goes this way.
 template <class Descriptor, class Camera, class Policy, class Filter>
 void apply_filter(context<Policy>& ctx, correspondences<Descriptor, Camera, Policy>& matches, const Filter& filter) {
-  const auto& search = matches.view();
-  for_each_index(ctx.policy(), search.neighbour_count * search.slot_count,
-                 detail::drop_matches<Descriptor, Camera, Filter>{search, filter});
+  launch_drop_matches(ctx.policy(), matches.view(), filter);
 }
 
 TURBOMAP_END_NAMESPACE

@@ -3,42 +3,23 @@
 #pragma once
 
 /// \file
-/// Keypoint correspondences of one keyframe against all its neighbours, in one call.
+/// Keypoint correspondences of one keyframe with all its neighbours, in one call: the keypoints that may show the same point
+/// of the scene, because their descriptors are alike and they lie on each other's epipolar curves.
 
+#include <cstdint>
 #include <type_traits>
-#include <utility>
 
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../descriptor/descriptor_concept.hpp"
 #include "correspondences.hpp"
 #include "exhaustive_search.hpp"
+#include "grouped_search.hpp"
 #include "ordered_search.hpp"
+#include "prepare_pairs.hpp"
 #include "search_setup.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
-
-namespace detail {
-
-/// Keypoint -> slot of the query, -1 where it holds a map point. One index per slot or keypoint.
-struct clear_slot {
-  std::int32_t* slot_of_query;
-  TURBOMAP_HD void operator()(int i) const { slot_of_query[i] = -1; }
-};
-template <class Descriptor, class Camera>
-struct clear_match {
-  search_view<Descriptor, Camera> search;
-  TURBOMAP_HD void operator()(int i) const {
-    search.match[i] = no_match;
-    search.distance[i] = search.max_distance;
-  }
-};
-struct set_slot {
-  std::int32_t* slot_of_query;
-  const std::int32_t* queries;
-  TURBOMAP_HD void operator()(int i) const { slot_of_query[queries[i]] = i; }
-};
-
-}  // namespace detail
 
 /// For each keypoint of `query` without a map point and each neighbour: the keypoint of the neighbour without a map point,
 /// of least descriptor distance <= options.max_distance, that passes the epipole guard and the epipolar test
@@ -46,7 +27,7 @@ struct set_slot {
 ///
 /// \param ctx         the execution context; a bare policy works too, see below
 /// \param query       the new keyframe
-/// \param neighbours  any number, also none; neighbours with too short a baseline are the caller's to leave out
+/// \param neighbours  any number, also none; the caller leaves out those with too short a baseline
 ///                    (baseline_suffices_stereo, baseline_suffices_monocular)
 /// \param options     thresholds, candidates, ties
 /// \param result      of this context; overwritten, its memory reused. Under CUDA the search may still be running on return
@@ -61,28 +42,26 @@ void search_correspondences(context<Policy>& ctx, const posed_keyframe<Descripto
   static_assert(require_descriptor<Descriptor>());
   static_assert(require_camera<Camera>());
   ctx.begin_call();
-  search_setup<Descriptor, Camera, Policy> setup{ctx, result};
-  setup(query, neighbours, options);
+  set_up_search(ctx, query, neighbours, options, result.buffers());
   const auto& search = result.view();
-  const int results = search.neighbour_count * search.slot_count;
-  if (results == 0) return;
+  if (search.neighbour_count * search.slot_count == 0) return;
   try {
-    setup.prepare_pairs();
-    if (options.candidate_set == candidates::grouped) {
-      const int groups = query.view.groups.group_count, keypoints = query.view.keypoint_count;
-      auto* slots = ctx.template scratch<std::int32_t>(static_cast<std::size_t>(keypoints));
-      for_each_index(ctx.policy(), keypoints, detail::clear_slot{slots});
-      for_each_index(ctx.policy(), search.slot_count, detail::set_slot{slots, search.queries});
-      for_each_index(ctx.policy(), results, detail::clear_match<Descriptor, Camera>{search});
-      for_each_index(ctx.policy(), search.neighbour_count * groups,
-                     grouped_search<Descriptor, Camera>{search, slots, groups});
-    } else if constexpr (std::is_same_v<memory_of_t<Policy>, host_memory>) {
-      if (options.candidate_set == candidates::epipolar_ordered)
-        run_ordered(ctx, search, result.candidate_count());
-      else
-        for_each_index(ctx.policy(), results, exhaustive_search<Descriptor, Camera>{search});
-    } else {
-      for_each_index(ctx.policy(), results, exhaustive_search<Descriptor, Camera>{search});
+    launch_prepare_pairs(ctx.policy(), search);
+    switch (options.candidate_set) {
+      case candidates::grouped: {
+        const int groups = query.view.groups.group_count, keypoints = query.view.keypoint_count;
+        auto* slots = ctx.template scratch<std::int32_t>(static_cast<std::size_t>(keypoints));
+        launch_number_slots(ctx.policy(), search, slots, keypoints);
+        launch_clear_matches(ctx.policy(), search);
+        launch_search_groups(ctx.policy(), search, slots, groups);
+        break;
+      }
+      case candidates::epipolar_ordered:
+        launch_search_ordered(ctx.policy(), search, ctx.scratch());
+        break;
+      case candidates::exhaustive:
+        launch_search_exhaustive(ctx.policy(), search);
+        break;
     }
   } catch (...) {  // out of memory
     result.clear();

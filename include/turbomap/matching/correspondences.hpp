@@ -6,8 +6,9 @@
 /// The result of a correspondence search: it stays where the policy runs, ready for filters and point creation; the plan,
 /// its host form, is asked for last.
 
+#include <cstddef>
 #include <cstdint>
-#include <type_traits>
+#include <memory_resource>
 #include <vector>
 
 #include "../array.hpp"
@@ -16,6 +17,22 @@
 #include "search_view.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
+
+/// The memory of one search, and what the host knows about it: filled by a search, read by filters and point creation.
+template <class Descriptor, class Camera, class Memory>
+struct search_buffers {
+  explicit search_buffers(std::pmr::memory_resource* resource)
+      : inputs(resource), pairs(resource), match(resource), distance(resource) {}
+
+  search_view<Descriptor, Camera> view{};
+  array<std::byte, Memory> inputs;                             ///< the arguments of the call, packed
+  array<pair_geometry, Memory> pairs;                          ///< [neighbour][query camera][neighbour camera]
+  array<std::int32_t, Memory> match;                           ///< [neighbour][slot]
+  array<typename Descriptor::distance_type, Memory> distance;  ///< [neighbour][slot]
+  std::vector<std::int32_t> queries;    ///< query keypoints without a map point, ascending: the slots
+  std::size_t neighbour_keypoints = 0;  ///< of all neighbours together
+  bool has_angles = false;              ///< every keyframe came with the angles of its keypoints
+};
 
 /// Matches of one query keyframe against its neighbours, with the inputs they were found in (views, poses, masks). Make one
 /// and use it for every call: its memory is reused. The keyframes that the views point to must stay where they are until the
@@ -27,15 +44,16 @@ class correspondences {
   using distance_type = typename Descriptor::distance_type;
   using plan_type = std::vector<correspondence<distance_type>>;
 
-  explicit correspondences(const context<Policy>& ctx)
-      : inputs_(ctx.resource()), pairs_(ctx.resource()), match_(ctx.resource()), distance_(ctx.resource()) {}
+  explicit correspondences(const context<Policy>& ctx) : buffers_(ctx.resource()) {}
   correspondences(correspondences&&) = default;
   correspondences& operator=(correspondences&&) = default;
 
   /// No matches: what is left where a call ran out of memory.
-  void clear() { view_.neighbour_count = view_.slot_count = 0; }
+  void clear() { buffers_.view.neighbour_count = buffers_.view.slot_count = 0; }
   /// What kernels, filters and point creation read, in the memory of the policy.
-  const search_view<Descriptor, Camera>& view() const { return view_; }
+  const search_view<Descriptor, Camera>& view() const { return buffers_.view; }
+  /// Results of the search, matched or not.
+  int size() const { return view().neighbour_count * view().slot_count; }
 
   /// The matches on the host in (neighbour, query keypoint) order, equal on every policy. Waits for the search. O(slots).
   plan_type plan(context<Policy>& ctx) const {
@@ -45,46 +63,28 @@ class correspondences {
   }
   /// The same into a vector that is reused.
   void plan(context<Policy>& ctx, plan_type& result) const {
-    const std::int32_t* match = on_host(ctx, view_.match, host_match_);
-    const distance_type* distance = on_host(ctx, view_.distance, host_distance_);
+    const auto& search = view();
+    const auto count = static_cast<std::size_t>(size());
+    const std::int32_t* match = ctx.on_host(search.match, count, host_match_);
+    const distance_type* distance = ctx.on_host(search.distance, count, host_distance_);
     ctx.synchronize();
     result.clear();
-    for (int n = 0, i = 0; n < view_.neighbour_count; ++n)
-      for (int slot = 0; slot < view_.slot_count; ++slot, ++i)
+    for (int n = 0, i = 0; n < search.neighbour_count; ++n)
+      for (int slot = 0; slot < search.slot_count; ++slot, ++i)
         if (match[i] != no_match)
-          result.push_back({n, queries_[static_cast<std::size_t>(slot)], match[i], distance[i]});
+          result.push_back({n, queries()[static_cast<std::size_t>(slot)], match[i], distance[i]});
   }
-  /// An array of the result, [neighbour][slot], for the host to read after ctx.synchronize(): copied into `buffer`, or as it
-  /// is where the policy computes in host memory.
-  template <class T>
-  const T* on_host(context<Policy>& ctx, const T* resident, std::vector<T>& buffer) const {
-    if constexpr (std::is_same_v<memory_type, host_memory>) return resident;
-    buffer.resize(static_cast<std::size_t>(view_.neighbour_count) * static_cast<std::size_t>(view_.slot_count));
-    copy_out(ctx.policy(), buffer.data(), resident, buffer.size() * sizeof(T));
-    return buffer.data();
-  }
-  /// Keypoints without a map point of all neighbours together.
-  std::size_t candidate_count() const { return static_cast<std::size_t>(candidate_count_); }
   /// Keypoints of all neighbours together.
-  std::size_t neighbour_keypoint_count() const { return static_cast<std::size_t>(neighbour_keypoint_count_); }
+  std::size_t neighbour_keypoint_count() const { return buffers_.neighbour_keypoints; }
   /// Every keyframe came with the angles of its keypoints.
-  bool has_angles() const { return has_angles_; }
+  bool has_angles() const { return buffers_.has_angles; }
   /// Query keypoints without a map point, ascending: the slots of the result.
-  const std::vector<std::int32_t>& queries() const { return queries_; }
+  const std::vector<std::int32_t>& queries() const { return buffers_.queries; }
+  /// For who fills them: the search, or given_correspondences().
+  search_buffers<Descriptor, Camera, memory_type>& buffers() { return buffers_; }
 
  private:
-  template <class D, class C, class P>
-  friend class search_setup;
-
-  search_view<Descriptor, Camera> view_{};
-  array<std::byte, memory_type> inputs_;
-  array<pair_geometry, memory_type> pairs_;
-  array<std::int32_t, memory_type> match_;
-  array<distance_type, memory_type> distance_;
-  std::vector<std::int32_t> queries_;
-  std::int64_t candidate_count_ = 0;
-  std::int64_t neighbour_keypoint_count_ = 0;
-  bool has_angles_ = false;
+  search_buffers<Descriptor, Camera, memory_type> buffers_;
   mutable std::vector<std::int32_t> host_match_;
   mutable std::vector<distance_type> host_distance_;
 };

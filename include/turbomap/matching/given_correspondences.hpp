@@ -13,6 +13,7 @@
 #include "../context.hpp"
 #include "../error.hpp"
 #include "correspondences.hpp"
+#include "prepare_pairs.hpp"
 #include "search_setup.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -31,8 +32,7 @@ void given_correspondences(context<Policy>& ctx, const posed_keyframe<Descriptor
     return !k.has_point.empty() && k.has_point[static_cast<std::size_t>(keypoint)] != 0;
   };
   ctx.begin_call();
-  search_setup<Descriptor, Camera, Policy> setup{ctx, result};
-  setup.check(query, neighbours, options);
+  check_search(ctx, query, neighbours, options);
   std::vector<std::int32_t> slot(static_cast<std::size_t>(query.view.keypoint_count), no_match);
   std::int32_t slots = 0;
   for (std::int32_t i = 0; i < query.view.keypoint_count; ++i)
@@ -58,8 +58,8 @@ void given_correspondences(context<Policy>& ctx, const posed_keyframe<Descriptor
     distance[at] = m.distance;
   }
   try {
-    setup(query, neighbours, options);
-    setup.prepare_pairs();
+    set_up_search(ctx, query, neighbours, options, result.buffers());
+    launch_prepare_pairs(ctx.policy(), result.view());
     const auto& search = result.view();
     copy_in(ctx.policy(), search.match, candidate.data(), count * sizeof(std::int32_t));
     copy_in(ctx.policy(), search.distance, distance.data(), count * sizeof(typename Descriptor::distance_type));

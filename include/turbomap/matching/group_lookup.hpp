@@ -88,6 +88,18 @@ struct look_up_neighbour_groups {
 
 }  // namespace detail
 
+template <class Derived, class Descriptor, class Camera>
+void launch_look_up_query_groups(const thrust::execution_policy<Derived>& policy,
+                                 const search_view<Descriptor, Camera>& search, const group_lookup& lookup) {
+  for_each_index(derived(policy), search.slot_count, detail::look_up_query_groups<Descriptor, Camera>{search, lookup});
+}
+template <class Derived, class Descriptor, class Camera>
+void launch_look_up_neighbour_groups(const thrust::execution_policy<Derived>& policy,
+                                     const search_view<Descriptor, Camera>& search, const group_lookup& lookup,
+                                     int keypoints) {
+  for_each_index(derived(policy), keypoints, detail::look_up_neighbour_groups<Descriptor, Camera>{search, lookup});
+}
+
 /// Fills a lookup in the scratch of this call. O(keypoints log groups).
 template <class Descriptor, class Camera, class Policy>
 group_lookup look_up_groups(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches) {
@@ -99,9 +111,8 @@ group_lookup look_up_groups(context<Policy>& ctx, const correspondences<Descript
                             static_cast<std::int32_t>(query)};
   fill_bytes(ctx.policy(), lookup.query, 0xFF, query * sizeof(std::uint32_t));
   fill_bytes(ctx.policy(), lookup.neighbour, 0xFF, neighbour * sizeof(std::uint32_t));
-  for_each_index(ctx.policy(), search.slot_count, detail::look_up_query_groups<Descriptor, Camera>{search, lookup});
-  for_each_index(ctx.policy(), static_cast<int>(neighbour),
-                 detail::look_up_neighbour_groups<Descriptor, Camera>{search, lookup});
+  launch_look_up_query_groups(ctx.policy(), search, lookup);
+  launch_look_up_neighbour_groups(ctx.policy(), search, lookup, static_cast<int>(neighbour));
   return lookup;
 }
 

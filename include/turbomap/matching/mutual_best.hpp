@@ -6,13 +6,13 @@
 /// The filter of one-sided matches.
 
 #include <cstdint>
-#include <type_traits>
 
 #include "../config.hpp"
 #include "../context.hpp"
 #include "apply_filter.hpp"
-#include "exhaustive_search.hpp"
+#include "candidate_scan.hpp"
 #include "filter_windows.hpp"
+#include "find_group.hpp"
 #include "group_lookup.hpp"
 
 namespace turbomap {
@@ -51,7 +51,7 @@ struct mutual_comparison {
   }
 };
 
-/// Against all query keypoints.
+/// Against all query keypoints, or those near its epipolar curve.
 struct keep_mutual {
   template <class Descriptor, class Camera>
   TURBOMAP_HD bool keep(const search_view<Descriptor, Camera>& search, int i) const {
@@ -59,6 +59,11 @@ struct keep_mutual {
     for (int k = 0; k < search.slot_count; ++k)
       if (comparison.nearer(search.queries[k])) return false;
     return true;
+  }
+  template <class Descriptor, class Camera, class Windows>
+  bool keep_among(const search_view<Descriptor, Camera>& search, int i, const Windows& windows) const {
+    const mutual_comparison<Descriptor, Camera> comparison(search, i);
+    return !windows.any(comparison.n, comparison.match, [&comparison](std::int32_t q) { return comparison.nearer(q); });
   }
 };
 /// Against those of the candidate's group.
@@ -80,16 +85,6 @@ struct keep_mutual_in_group {
     return true;
   }
 };
-/// Against those near its epipolar curve.
-template <class Descriptor, class Camera>
-struct keep_mutual_in_window {
-  filter_windows<Descriptor, Camera, window_of::queries> windows;
-
-  bool keep_among(const search_view<Descriptor, Camera>& search, int i) const {
-    const mutual_comparison<Descriptor, Camera> comparison(search, i);
-    return !windows.any(comparison.n, comparison.match, [&comparison](std::int32_t q) { return comparison.nearer(q); });
-  }
-};
 
 }  // namespace detail
 
@@ -97,21 +92,11 @@ struct keep_mutual_in_window {
 /// after a grouped one.
 template <class Descriptor, class Camera, class Policy>
 void apply_filter(context<Policy>& ctx, correspondences<Descriptor, Camera, Policy>& matches, const mutual_best&) {
-  const auto& search = matches.view();
   ctx.begin_call();
-  if (search.options.candidate_set == candidates::grouped) {
+  if (matches.view().options.candidate_set == candidates::grouped)
     apply_filter(ctx, matches, detail::keep_mutual_in_group{look_up_groups(ctx, matches)});
-    return;
-  }
-  if constexpr (std::is_same_v<memory_of_t<Policy>, host_memory>) {
-    if (windows_pay(search)) {
-      using keep = detail::keep_mutual_in_window<Descriptor, Camera>;
-      for_each_index(ctx.policy(), search.neighbour_count * search.slot_count,
-                     detail::drop_matches_on_host<Descriptor, Camera, keep>{search, {{ctx, matches}}});
-      return;
-    }
-  }
-  apply_filter(ctx, matches, detail::keep_mutual{});
+  else
+    launch_drop_compared<sorted_side::queries>(ctx.policy(), matches.view(), ctx.scratch(), detail::keep_mutual{});
 }
 
 TURBOMAP_END_NAMESPACE

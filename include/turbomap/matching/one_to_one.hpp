@@ -58,15 +58,20 @@ struct make_claims {
 
 }  // namespace detail
 
+template <class Derived, class Descriptor, class Camera>
+void launch_make_claims(const thrust::execution_policy<Derived>& policy, const search_view<Descriptor, Camera>& search,
+                        const detail::keep_winner& winner) {
+  for_each_index(derived(policy), search.neighbour_count * search.slot_count,
+                 detail::make_claims<Descriptor, Camera>{search, winner});
+}
+
 template <class Descriptor, class Camera, class Policy>
 void apply_filter(context<Policy>& ctx, correspondences<Descriptor, Camera, Policy>& matches, const one_to_one&) {
-  const auto& search = matches.view();
   const std::size_t keypoints = matches.neighbour_keypoint_count();
   ctx.begin_call();
   detail::keep_winner winner{ctx.template scratch<std::uint64_t>(keypoints)};
   fill_bytes(ctx.policy(), winner.claims, 0xFF, keypoints * sizeof(std::uint64_t));
-  for_each_index(ctx.policy(), search.neighbour_count * search.slot_count,
-                 detail::make_claims<Descriptor, Camera>{search, winner});
+  launch_make_claims(ctx.policy(), matches.view(), winner);
   apply_filter(ctx, matches, winner);
 }
 

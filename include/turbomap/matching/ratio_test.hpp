@@ -6,14 +6,14 @@
 /// The filter of ambiguous matches.
 
 #include <cstdint>
-#include <type_traits>
 
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
 #include "apply_filter.hpp"
-#include "exhaustive_search.hpp"
+#include "candidate_scan.hpp"
 #include "filter_windows.hpp"
+#include "find_group.hpp"
 #include "group_lookup.hpp"
 
 namespace turbomap {
@@ -59,7 +59,7 @@ class ratio_comparison {
   candidate_scan<Descriptor, Camera> scan_;
 };
 
-/// Against all candidates.
+/// Against all candidates, or those near its epipolar curve.
 struct keep_ratio {
   double ratio;
 
@@ -70,6 +70,12 @@ struct keep_ratio {
     for (int k = search.candidate_offset[n]; k < search.candidate_offset[n + 1]; ++k)
       if (comparison.close(search.candidates[k])) return false;
     return true;
+  }
+  template <class Descriptor, class Camera, class Windows>
+  bool keep_among(const search_view<Descriptor, Camera>& search, int i, const Windows& windows) const {
+    ratio_comparison<Descriptor, Camera> comparison(search, i, ratio);
+    return !windows.any(comparison.neighbour(), comparison.query(),
+                        [&comparison](std::int32_t c) { return comparison.close(c); });
   }
 };
 /// Against those of the query keypoint's group.
@@ -93,18 +99,6 @@ struct keep_ratio_in_group {
     return true;
   }
 };
-/// Against those near its epipolar curve.
-template <class Descriptor, class Camera>
-struct keep_ratio_in_window {
-  double ratio;
-  filter_windows<Descriptor, Camera, window_of::candidates> windows;
-
-  bool keep_among(const search_view<Descriptor, Camera>& search, int i) const {
-    ratio_comparison<Descriptor, Camera> comparison(search, i, ratio);
-    return !windows.any(comparison.neighbour(), comparison.query(),
-                        [&comparison](std::int32_t c) { return comparison.close(c); });
-  }
-};
 
 }  // namespace detail
 
@@ -120,21 +114,12 @@ template <class Descriptor, class Camera, class Policy>
 void apply_filter(context<Policy>& ctx, correspondences<Descriptor, Camera, Policy>& matches,
                   const ratio_test& filter) {
   check_filter(matches, filter);
-  const auto& search = matches.view();
   ctx.begin_call();
-  if (search.options.candidate_set == candidates::grouped) {
+  if (matches.view().options.candidate_set == candidates::grouped)
     apply_filter(ctx, matches, detail::keep_ratio_in_group{filter.ratio, look_up_groups(ctx, matches)});
-    return;
-  }
-  if constexpr (std::is_same_v<memory_of_t<Policy>, host_memory>) {
-    if (windows_pay(search)) {
-      using keep = detail::keep_ratio_in_window<Descriptor, Camera>;
-      for_each_index(ctx.policy(), search.neighbour_count * search.slot_count,
-                     detail::drop_matches_on_host<Descriptor, Camera, keep>{search, {filter.ratio, {ctx, matches}}});
-      return;
-    }
-  }
-  apply_filter(ctx, matches, detail::keep_ratio{filter.ratio});
+  else
+    launch_drop_compared<sorted_side::candidates>(ctx.policy(), matches.view(), ctx.scratch(),
+                                                  detail::keep_ratio{filter.ratio});
 }
 
 TURBOMAP_END_NAMESPACE

@@ -69,6 +69,13 @@ struct count_rotations {
 
 }  // namespace detail
 
+template <class Derived, class Descriptor, class Camera>
+void launch_count_rotations(const thrust::execution_policy<Derived>& policy,
+                            const search_view<Descriptor, Camera>& search, const detail::keep_rotation& bins) {
+  for_each_index(derived(policy), search.neighbour_count * search.slot_count,
+                 detail::count_rotations<Descriptor, Camera>{search, bins});
+}
+
 template <class Matches>
 void check_filter(const Matches& matches, const rotation_histogram& filter) {
   require(filter.bins >= 1, "rotation_histogram.bins", filter.bins, "must be at least 1");
@@ -88,8 +95,7 @@ void apply_filter(context<Policy>& ctx, correspondences<Descriptor, Camera, Poli
   ctx.begin_call();
   detail::keep_rotation bins{filter, ctx.template scratch<std::int32_t>(counters)};
   fill_bytes(ctx.policy(), bins.counts, 0, counters * sizeof(std::int32_t));
-  for_each_index(ctx.policy(), search.neighbour_count * search.slot_count,
-                 detail::count_rotations<Descriptor, Camera>{search, bins});
+  launch_count_rotations(ctx.policy(), search, bins);
   apply_filter(ctx, matches, bins);
 }
 

@@ -1,0 +1,153 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// One map point from one match: the position by triangulation of the two rays, or from the depth of a stereo keypoint, and
+/// the tests that it has to pass [ORB-SLAM3].
+
+#include "../config.hpp"
+#include "../context.hpp"
+#include "creation_plan.hpp"
+#include "search_view.hpp"
+#include "triangulation.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+
+/// One keypoint of a pair as creation sees it.
+struct creation_view {
+  vec2<decision> pixel;
+  vec3<decision> ray;  ///< in its camera; z = 1 on straight images, else unit
+  decision depth;      ///< m
+  decision u_right;    ///< px
+  decision bf;         ///< px m
+  decision sigma2;     ///< px^2
+  decision parallax;   ///< cosine of the parallax of its own stereo pair; 2: none
+  bool stereo;
+};
+
+template <class Descriptor, class Camera>
+TURBOMAP_HD creation_view look_at(const keyframe_view<Descriptor, Camera>& keyframe, int keypoint,
+                                  const float* sigma2) {
+  const auto& camera = keyframe.cameras[keyframe.camera_of(keypoint)];
+  creation_view v{};
+  v.pixel = cast<decision>(keyframe.pixel[keypoint]);
+  v.sigma2 = decision(sigma2[keyframe.octave[keypoint]]);
+  v.parallax = decision(2);
+  pinhole<double> K;
+  const bool straight = as_pinhole(camera.camera, K);
+  v.ray = straight ? vec3<decision>{(v.pixel.x - decision(K.cx)) / decision(K.fx),
+                                    (v.pixel.y - decision(K.cy)) / decision(K.fy), decision(1)}
+                   : cast<decision>(keyframe.bearing[keypoint]);
+  v.stereo = straight && camera.bf > 0 && keyframe.is_stereo(keypoint);
+  if (v.stereo) {
+    v.bf = decision(camera.bf);
+    v.u_right = decision(keyframe.u_right[keypoint]);
+    v.depth = keyframe.depth == nullptr ? decision(-1) : decision(keyframe.depth[keypoint]);
+    // cos(2 atan(b / d)) = (d^2 - b^2) / (d^2 + b^2), b = half the baseline; a depth of 0 gives -1, not 0 / 0
+    const decision b = v.bf / decision(K.fx), b2 = b * b, d = v.depth + v.depth, d2 = d * d;
+    v.parallax = (d2 - b2) / (d2 + b2);
+  }
+  return v;
+}
+
+/// Reprojection error within the gate: two residuals, or three with u_right.
+template <class Camera>
+TURBOMAP_HD bool reprojects(const Camera& camera, const vec3<decision>& point, const creation_view& v,
+                            const creation_options& options) {
+  vec2<decision> p;
+  if (!camera.project(point, p)) return false;
+  const decision du = p.x - v.pixel.x, dv = p.y - v.pixel.y;
+  if (!v.stereo) return du * du + dv * dv <= decision(options.mono_chi2) * v.sigma2;
+  const decision dr = p.x - v.bf / point.z - v.u_right;
+  return du * du + dv * dv + dr * dr <= decision(options.stereo_chi2) * v.sigma2;
+}
+
+}  // namespace detail
+
+/// Index = result of the search: triangulates or back-projects one match and tests the point.
+template <class Descriptor, class Camera>
+struct create_point {
+  search_view<Descriptor, Camera> search;
+  creation_options options;
+  created_point* points;  ///< [neighbour][slot]; written where there is a match
+
+  TURBOMAP_HD void operator()(int i) const {
+    if (search.match[i] == no_match) return;
+    created_point p{};
+    p.neighbour = i / search.slot_count;
+    p.query = search.queries[i % search.slot_count];
+    p.candidate = search.match[i];
+    p.method = creation_method::none;
+    p.outcome = create(p);
+    points[i] = p;
+  }
+
+ private:
+  TURBOMAP_HD creation_outcome create(created_point& p) const {
+    const auto& a = search.query();
+    const auto& b = search.neighbour(p.neighbour);
+    const auto& camera_a = a.cameras[a.camera_of(p.query)];
+    const auto& camera_b = b.cameras[b.camera_of(p.candidate)];
+    const isometry<decision>& T_ba = search.pair(p.neighbour, a.camera_of(p.query), b.camera_of(p.candidate)).T_ba;
+    const detail::creation_view va = detail::look_at(a, p.query, search.sigma2);
+    const detail::creation_view vb = detail::look_at(b, p.candidate, search.sigma2);
+
+    const vec3<decision> ray_a_in_b = T_ba.R * va.ray;
+    const decision parallax = dot(ray_a_in_b, vb.ray) / (norm(ray_a_in_b) * norm(vb.ray));
+    const decision stereo_parallax = va.parallax < vb.parallax ? va.parallax : vb.parallax;
+    const isometry<decision> T_aw = camera_pose(camera_a, search.T_cw[0]);
+    const isometry<decision> T_bw = camera_pose(camera_b, search.T_cw[1 + p.neighbour]);
+    vec3<decision> X;  // the point in the world; the linear method depends on its frame, and this is the peer's
+    if (parallax < stereo_parallax && parallax > decision(0) &&
+        (va.stereo || vb.stereo || parallax < decision(options.max_parallax_cosine))) {
+      p.method = creation_method::triangulated;
+      if (!triangulate(T_aw, va.ray, T_bw, vb.ray, X, true)) return creation_outcome::at_infinity;
+    } else if (va.stereo && va.parallax < vb.parallax) {
+      p.method = creation_method::stereo_query;
+      if (!(va.depth > decision(0))) return creation_outcome::no_depth;
+      X = inverse(T_aw) * (va.depth * va.ray);
+    } else if (vb.stereo && vb.parallax < va.parallax) {
+      p.method = creation_method::stereo_neighbour;
+      if (!(vb.depth > decision(0))) return creation_outcome::no_depth;
+      X = inverse(T_bw) * (vb.depth * vb.ray);
+    } else {
+      return creation_outcome::low_parallax;
+    }
+    p.position = {X.x.value, X.y.value, X.z.value};
+
+    const vec3<decision> X_a = T_aw * X, X_b = T_bw * X;
+    if (!(X_a.z > decision(0))) return creation_outcome::behind_query;
+    if (!(X_b.z > decision(0))) return creation_outcome::behind_neighbour;
+    if (!detail::reprojects(camera_a.camera, X_a, va, options)) return creation_outcome::reprojection_query;
+    if (!detail::reprojects(camera_b.camera, X_b, vb, options)) return creation_outcome::reprojection_neighbour;
+    const decision distance_a = norm(X_a), distance_b = norm(X_b);
+    if (distance_a == decision(0) || distance_b == decision(0)) return creation_outcome::zero_distance;
+    if (options.max_distance > 0 &&
+        (distance_a >= decision(options.max_distance) || distance_b >= decision(options.max_distance)))
+      return creation_outcome::too_far;
+    // A feature found s times farther away is found that many octaves finer.
+    const decision ratio = distance_b / distance_a;
+    const decision octaves = decision(search.scale[a.octave[p.query]]) / decision(search.scale[b.octave[p.candidate]]);
+    const decision tolerance = decision(options.scale_tolerance) * decision(options.scales.scale_factor);
+    if (ratio * tolerance < octaves || ratio > octaves * tolerance) return creation_outcome::scale;
+    return creation_outcome::accepted;
+  }
+};
+
+/// Creates the points of all matches of a search. A device also clears those without a match: cuda/create_points.cuh.
+template <class Derived, class Descriptor, class Camera>
+void launch_create_points(const thrust::execution_policy<Derived>& policy,
+                          const search_view<Descriptor, Camera>& search, const creation_options& options,
+                          created_point* points) {
+  for_each_index(derived(policy), search.neighbour_count * search.slot_count,
+                 create_point<Descriptor, Camera>{search, options, points});
+}
+
+TURBOMAP_END_NAMESPACE
+
+#if TURBOMAP_HAS_CUDA
+#include "cuda/create_points.cuh"
+#endif

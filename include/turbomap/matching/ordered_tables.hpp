@@ -1,0 +1,153 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The keypoints of every pair of cameras in epipolar order, for searches on the host. All points that a keypoint can be the
+/// image of lie in one plane through both camera centres; planes through that line are ordered by one angle. So keypoints are
+/// sorted by the angle of their plane once, and those that a keypoint of the other image may match are then a short window of
+/// the sorted list.
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+#include "../config.hpp"
+#include "../context.hpp"
+#include "epipolar_order.hpp"
+#include "search_view.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Which keypoints are sorted: those of the neighbours, or those of the query.
+enum class sorted_side { candidates, queries };
+
+/// The tables of one search, in scratch memory: one for each neighbour n, query camera a and neighbour camera b. Each owns
+/// total_buckets() + 1 offsets, and as many keypoints and keys as its side has. Host only.
+template <class Descriptor, class Camera, sorted_side Side = sorted_side::candidates>
+struct ordered_tables {
+  static constexpr bool of_candidates = Side == sorted_side::candidates;
+
+  search_view<Descriptor, Camera> search;
+  std::int32_t* offsets;
+  std::int32_t* sorted;
+  float* narrowest;
+  std::int32_t* keypoints;  ///< those of the camera, before sorting
+  plane_interval* intervals;
+  std::int32_t* keys;
+  typename Descriptor::element*
+      descriptors;  ///< of `sorted`, in its order: windows are read as a stream. Null: not copied
+
+  epipolar_table view(int n, int a, int b) const {
+    const int cameras = search.query_cameras * search.neighbour_cameras;
+    const std::int64_t table = std::int64_t{n} * cameras + a * search.neighbour_cameras + b;
+    std::int64_t first;
+    if constexpr (of_candidates) {
+      const std::int64_t begin = search.candidate_offset[n], count = search.candidate_offset[n + 1] - begin;
+      first = cameras * begin + (a * search.neighbour_cameras + b) * count;
+    } else {
+      first = table * search.slot_count;
+    }
+    return {offsets + table * (epipolar_order_layout::total_buckets() + 1), sorted + first, narrowest + table};
+  }
+  /// Measures the candidates (side b) of a pair.
+  plane_measure candidate_measure(const pair_geometry& g, int n, int b) const {
+    if (g.straight) return plane_measure::line(g, std::sqrt(search.options.line_chi2), std::fmin(g.K_b.fx, g.K_b.fy));
+    return plane_measure::ray(g, std::sqrt(search.options.reprojection_chi2),
+                              search.neighbour(n).cameras[b].resolution);
+  }
+  /// Measures the query keypoints (side a). A line test measures from the exact query pixel: no width of its own.
+  plane_measure query_measure(const pair_geometry& g, int a) const {
+    if (g.straight) return plane_measure::line(g, 0, 1);
+    return plane_measure::ray(g, std::sqrt(search.options.reprojection_chi2), search.query().cameras[a].resolution);
+  }
+  plane_interval candidate_interval(const plane_measure& measure, int n, std::int32_t keypoint) const {
+    const auto& neighbour = search.neighbour(n);
+    const vec3<float>& ray = neighbour.bearing[keypoint];
+    return measure(ray, ray.z, search.scale[neighbour.octave[keypoint]]);
+  }
+  plane_interval query_interval(const plane_measure& measure, const pair_geometry& g, std::int32_t keypoint) const {
+    const vec3<float>& r = search.query().bearing[keypoint];
+    const auto row = [&](int k) {
+      return static_cast<float>(g.T_ba.R.m[k].value) * r.x + static_cast<float>(g.T_ba.R.m[k + 1].value) * r.y +
+             static_cast<float>(g.T_ba.R.m[k + 2].value) * r.z;
+    };
+    return measure({row(0), row(3), row(6)}, r.z, search.scale[search.query().octave[keypoint]]);
+  }
+};
+
+/// Index = table (n, a, b).
+template <class Descriptor, class Camera, sorted_side Side>
+struct build_ordered_table {
+  ordered_tables<Descriptor, Camera, Side> tables;
+
+  void operator()(int i) const {
+    const auto& search = tables.search;
+    const int b = i % search.neighbour_cameras, a = i / search.neighbour_cameras % search.query_cameras;
+    const int n = i / (search.neighbour_cameras * search.query_cameras);
+    epipolar_table table = tables.view(n, a, b);
+    const std::int64_t slice = table.candidates - tables.sorted;
+    const int count =
+        b < search.neighbour(n).camera_count ? collect(n, a, b, tables.keypoints + slice, tables.intervals + slice) : 0;
+    table.build(tables.keypoints + slice, tables.intervals + slice, tables.keys + slice, count);
+    if (tables.descriptors == nullptr) return;
+    auto* descriptors = tables.descriptors + slice * Descriptor::elements;
+    for (int k = 0; k < count; ++k)
+      std::memcpy(descriptors + static_cast<std::int64_t>(k) * Descriptor::elements,
+                  (tables.of_candidates ? search.neighbour(n) : search.query()).descriptor_of(table.candidates[k]),
+                  Descriptor::elements * sizeof(*descriptors));
+  }
+
+ private:
+  /// The keypoints of this side that the camera sees, with their intervals.
+  int collect(int n, int a, int b, std::int32_t* keypoints, plane_interval* intervals) const {
+    const auto& search = tables.search;
+    const pair_geometry& g = search.pair(n, a, b);
+    int count = 0;
+    if constexpr (Side == sorted_side::candidates) {
+      const plane_measure measure = tables.candidate_measure(g, n, b);
+      for (int k = search.candidate_offset[n]; k < search.candidate_offset[n + 1]; ++k) {
+        const std::int32_t keypoint = search.candidates[k];
+        if (search.neighbour(n).camera_of(keypoint) != b) continue;
+        keypoints[count] = keypoint;
+        intervals[count++] = tables.candidate_interval(measure, n, keypoint);
+      }
+    } else {
+      const plane_measure measure = tables.query_measure(g, a);
+      for (int k = 0; k < search.slot_count; ++k) {
+        const std::int32_t keypoint = search.queries[k];
+        if (search.query().camera_of(keypoint) != a) continue;
+        keypoints[count] = keypoint;
+        intervals[count++] = tables.query_interval(measure, g, keypoint);
+      }
+    }
+    return count;
+  }
+};
+
+/// Makes the tables of all pairs, in scratch memory. O(keypoints x cameras).
+template <sorted_side Side, class Derived, class Descriptor, class Camera, class Memory>
+ordered_tables<Descriptor, Camera, Side> launch_build_tables(const thrust::execution_policy<Derived>& policy,
+                                                             const search_view<Descriptor, Camera>& search,
+                                                             scratch_arena<Memory>& scratch, bool with_descriptors) {
+  const auto cameras = static_cast<std::size_t>(search.query_cameras * search.neighbour_cameras);
+  const auto neighbours = static_cast<std::size_t>(search.neighbour_count), tables = neighbours * cameras;
+  const std::size_t entries = cameras * (Side == sorted_side::candidates
+                                             ? static_cast<std::size_t>(search.candidate_offset[search.neighbour_count])
+                                             : neighbours * static_cast<std::size_t>(search.slot_count));
+  ordered_tables<Descriptor, Camera, Side> result{};
+  result.search = search;
+  result.offsets = scratch.template take<std::int32_t>(tables * (epipolar_order_layout::total_buckets() + 1));
+  result.sorted = scratch.template take<std::int32_t>(entries);
+  result.narrowest = scratch.template take<float>(tables);
+  result.keypoints = scratch.template take<std::int32_t>(entries);
+  result.intervals = scratch.template take<plane_interval>(entries);
+  result.keys = scratch.template take<std::int32_t>(entries);
+  if (with_descriptors)
+    result.descriptors = scratch.template take<typename Descriptor::element>(entries * Descriptor::elements);
+  for_each_index(derived(policy), static_cast<int>(tables), build_ordered_table<Descriptor, Camera, Side>{result});
+  return result;
+}
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,88 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What every search demands of the keyframes and the pyramid that it is given, with the same messages everywhere.
+
+#include <cmath>
+#include <cstddef>
+#include <string>
+
+#include "../config.hpp"
+#include "../error.hpp"
+#include "../math/functions.hpp"
+#include "../math/scale_table.hpp"
+#include "../memory.hpp"
+#include "../types.hpp"
+#include "keyframe_validation.hpp"
+#include "keyframe_view.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// What an argument is called in messages: "query", or "neighbours[3]". Text is made only where something is wrong.
+class argument_name {
+ public:
+  argument_name(const char* name) : name_(name) {}
+  argument_name(const char* array, std::size_t index) : name_(array), index_(index), is_element_(true) {}
+
+  std::string text() const { return is_element_ ? name_ + ("[" + std::to_string(index_) + "]") : name_; }
+  std::string operator+(const char* member) const { return text() + member; }
+
+ private:
+  const char* name_;
+  std::size_t index_ = 0;
+  bool is_element_ = false;
+};
+
+/// Throws std::invalid_argument when `value` is not finite and positive.
+inline void check_positive(const char* name, double value) {
+  require(value > 0 && detail::is_finite(value), name, value, "must be finite and positive");
+}
+/// Throws std::invalid_argument when `value` is not finite or negative.
+inline void check_not_negative(const char* name, double value) {
+  require(value >= 0 && detail::is_finite(value), name, value, "must be finite and not negative");
+}
+/// Throws std::invalid_argument when a scale factor, or a factor of tolerance, is not finite or below 1.
+inline void check_factor(const char* name, double value) {
+  require(value >= 1 && detail::is_finite(value), name, value, "must be finite and at least 1");
+}
+/// Throws std::invalid_argument when the pyramid of some options cannot be.
+inline void check_scales(const pyramid& scales) {
+  require(scales.levels >= 1 && scales.levels <= scale_table_size, "options.scales.levels", scales.levels,
+          "must be in [1, 256]: octaves are bytes");
+  check_factor("options.scales.scale_factor", static_cast<double>(scales.scale_factor));
+}
+
+/// Throws std::invalid_argument when a pose is not finite, or its quaternion not of unit length within 1e-3.
+inline void check_pose(const argument_name& keyframe, const rigid_transform<double>& T) {
+  const double sum = T.qx + T.qy + T.qz + T.qw + T.tx + T.ty + T.tz;
+  const double norm = T.qx * T.qx + T.qy * T.qy + T.qz * T.qz + T.qw * T.qw;
+  if (!detail::is_finite(sum)) reject(keyframe + ".T_cw", sum, "a pose must be finite");
+  if (!(std::abs(norm - 1) < 1e-3)) reject(keyframe + ".T_cw squared quaternion norm", norm, "must be 1");
+}
+/// Throws std::invalid_argument when a view has a negative number of keypoints.
+template <class Descriptor, class Camera>
+void check_keypoint_count(const argument_name& keyframe, const keyframe_view<Descriptor, Camera>& view) {
+  if (!(view.keypoint_count >= 0))
+    reject(keyframe + ".view.keypoint_count", view.keypoint_count, "must not be negative");
+}
+/// Throws std::invalid_argument when a view has no camera.
+template <class Descriptor, class Camera>
+void check_rig(const argument_name& keyframe, const keyframe_view<Descriptor, Camera>& view) {
+  if (!(view.camera_count >= 1 && view.cameras != nullptr))
+    reject(keyframe + ".view.camera_count", view.camera_count, "a keyframe needs a rig of at least one camera");
+}
+
+/// \name Whether keypoints name cameras that the rig has
+/// Looked at where the host can: a view of the store is sound, one that a user has made may not be.
+/// @{
+template <class Descriptor, class Camera>
+void check_cameras(host_memory, const argument_name& keyframe, const keyframe_view<Descriptor, Camera>& view) {
+  if (!has_cameras(view)) require_cameras(view, (keyframe + ".view").c_str());
+}
+template <class Descriptor, class Camera>
+void check_cameras(device_memory, const argument_name&, const keyframe_view<Descriptor, Camera>&) {}
+/// @}
+
+TURBOMAP_END_NAMESPACE
