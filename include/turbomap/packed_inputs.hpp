@@ -10,7 +10,7 @@
 ///     const auto poses = inputs.place<rigid_transform<double>>(count);
 ///     const auto scale = inputs.place<float>(scale_table_size);
 ///     const upload_block block = ctx.begin_upload(memory, inputs.bytes());
-///     poses.copy(block, given_poses);
+///     poses.copy(block, source);
 ///     fill_scales(options.scales, scale.host(block), nullptr);
 ///     ctx.send(block, inputs.bytes());
 ///     ... scale.resident(block) ...                               // the table where the policy computes
