@@ -87,6 +87,13 @@ if(TURBOMAP_SANITIZE)
   target_link_options(turbomap_developer INTERFACE ${turbomap_sanitizer_flags})
 endif()
 
+# turbomap_compile_quickly(TARGET): a release build's -O3 becomes -O1, for what runs for moments.
+function(turbomap_compile_quickly target)
+  if(CMAKE_CXX_FLAGS_RELEASE MATCHES "-O[23]")
+    target_compile_options(${target} PRIVATE "$<$<AND:$<CONFIG:Release>,${turbomap_is_cxx}>:-O1>")
+  endif()
+endfunction()
+
 # turbomap_add_program(NAME SOURCE... [CUDA_SOURCES SOURCE.cu...])
 # An executable <build>/bin/NAME. In a build with CUDA, CUDA_SOURCES are part of it and TURBOMAP_PROGRAM_WITH_CUDA=1 is
 # defined in all its files. nvcc is never given a .cpp: it cannot compile Thrust's OpenMP backend there, so a .cu file names

@@ -42,6 +42,10 @@ if(TURBOMAP_SANITIZE MATCHES "thread")
        "OMP_NUM_THREADS=1" "TSAN_OPTIONS=suppressions=${turbomap_SOURCE_DIR}/tests/support/tsan.supp")
 endif()
 
+# Tests on recorded data compute much, and these are about what an optimiser may do. All others compile in half the time
+# when they are optimised little.
+set(turbomap_optimised_tests "same_bits|same_map|strict|atomic|threads")
+
 # turbomap_add_test(SOURCE LABEL LIBRARY...): the test that is named after SOURCE. Labelled 'host' or 'recorded'; 'device'
 # where SOURCE is a .cu file.
 function(turbomap_add_test source label)
@@ -58,6 +62,9 @@ function(turbomap_add_test source label)
   endif()
   add_executable(${name} "${source}")
   target_link_libraries(${name} PRIVATE ${main} ${ARGN})
+  if(NOT label STREQUAL "recorded" AND NOT name MATCHES "${turbomap_optimised_tests}")
+    turbomap_compile_quickly(${name})
+  endif()
   set(test ${TURBOMAP_TEST_PREFIX}${name})
   add_test(NAME ${test} COMMAND ${name})
   set_tests_properties(${test} PROPERTIES TIMEOUT 600 SKIP_RETURN_CODE 77 LABELS "${label}")
