@@ -141,7 +141,7 @@ class Tracking {
   my::MapPoint* make_point(const example::wall_view& view, std::size_t i, my::KeyFrame& k) {
     using traits = turbomap::map_traits<my::Map>;
     const auto x = example::back_project(view, i);
-    const turbomap::vec3<double> ray{x.x - k.centre[0], x.y - k.centre[1], x.z - k.centre[2]};
+    const turbomap::vec3<double> ray = x - turbomap::camera_centre(turbomap::to_isometry<double>(view.T_cw));
     const double distance = turbomap::norm(ray), farthest = distance * std::pow(1.2, k.features[i].level);
     my::MapPoint* const p = traits::add_point(map_, x, &k);
     traits::set_appearance(map_, p, turbomap::cast<float>((1 / distance) * ray),
@@ -165,7 +165,7 @@ class Tracking {
       const std::lock_guard<std::mutex> map_lock(map_.mutex);
       my::KeyFrame& k = map_.keyframes.emplace_back();
       k.id = map_.keyframes.size() - 1;
-      k.centre = {-view.T_cw.tx, -view.T_cw.ty, -view.T_cw.tz};
+      turbomap::map_traits<my::Map>::set_pose(map_, &k, view.T_cw);
       k.features = std::move(features);
       k.truth = view.landmark;
       k.points.assign(k.features.size(), nullptr);

@@ -54,13 +54,18 @@ struct Feature {
   Descriptor descriptor;
 };
 
+struct Pose {  // world to camera: x_c = R(quaternion) x_w + t
+  std::array<double, 4> quaternion{0, 0, 0, 1};
+  Position t{};
+};
+
 struct KeyFrame {
   std::uint64_t id = 0;  // this and the next two never change once the keyframe is in the map
   std::vector<Feature> features;
   std::vector<int> truth;  // the landmark that each feature shows: to judge the result
   mutable std::mutex mutex;
-  Position centre{};              // looks along +z
-  std::vector<MapPoint*> points;  // one a feature, or null
+  Pose T_cw;
+  std::vector<MapPoint*> points;  // one per feature, or null
   bool waiting = true;            // for local mapping
   bool bad = false;
 
@@ -118,17 +123,16 @@ struct turbomap::map_traits<my::Map> {
   static bool alive(const my::Map&, keyframe k) { return !k->bad; }
   // The first one holds the frame of reference; one that waits is not culled before its turn.
   static bool may_erase(const my::Map&, keyframe k) { return k->id != 0 && !k->waiting; }
+  static bool is_origin(const my::Map&, keyframe k) { return k->id == 0; }
   static turbomap::rigid_transform<double> pose(const my::Map&, keyframe k) {
-    return {0, 0, 0, 1, -k->centre[0], -k->centre[1], -k->centre[2]};
+    const auto& [q, t] = k->T_cw;
+    return {q[0], q[1], q[2], q[3], t[0], t[1], t[2]};
   }
   static void set_pose(my::Map&, keyframe k, const turbomap::rigid_transform<double>& T_cw) {
     const lock held(k->mutex);
-    k->centre = {-T_cw.tx, -T_cw.ty, -T_cw.tz};  // this system's cameras do not turn
+    k->T_cw = {{T_cw.qx, T_cw.qy, T_cw.qz, T_cw.qw}, {T_cw.tx, T_cw.ty, T_cw.tz}};
   }
-  static std::size_t keypoint_count(const my::Map&, keyframe k) { return k->features.size(); }
-  static turbomap::keypoint keypoint(const my::Map&, keyframe k, std::size_t i) {
-    return turbomap::keyframe_traits<my::KeyFrame>::keypoint(*k, i);
-  }
+  // Keypoints are described once, by keyframe_traits of what the name points to.
   static point point_at(const my::Map&, keyframe k, std::size_t i) { return k->points[i]; }
   static void set_point(my::Map&, keyframe k, std::size_t i, point p) {
     const lock held(k->mutex);

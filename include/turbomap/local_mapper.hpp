@@ -3,29 +3,54 @@
 #pragma once
 
 /// \file
-/// The loop of local mapping over the stages of this library, on the user's own map [TurboMap Fig. 3]. It does nothing that a
-/// user who calls the pieces himself could not do.
+/// The loop of local mapping over the stages of this library, on the user's own map [TurboMap Fig. 3]. A SLAM system hands it
+/// keyframes; it finds new map points, fuses duplicate ones, adjusts poses and points, and takes out what is redundant. It
+/// does nothing that a user who calls the stages themselves could not do.
 
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include "config.hpp"
 #include "context.hpp"
+#include "map/neighbourhood.hpp"
 #include "mapping/appearance_update.hpp"
+#include "mapping/duplicate_fusion.hpp"
+#include "mapping/keyframe_culling.hpp"
+#include "mapping/local_adjustment.hpp"
+#include "mapping/local_mapper_hooks.hpp"
 #include "mapping/local_mapper_options.hpp"
-#include "mapping/neighbour_matching.hpp"
+#include "mapping/map_point_creation.hpp"
+#include "mapping/neighbour_search.hpp"
+#include "mapping/point_culling.hpp"
+#include "mapping/stage.hpp"
 #include "mapping/time_budget.hpp"
 
+namespace turbomap {
+
+/// As the adjustment of a local_mapper: none is compiled in. The stage then runs where a hook adjusts, else it is off.
+struct no_adjustment {};
+
+}  // namespace turbomap
+
 TURBOMAP_BEGIN_NAMESPACE
+
+/// What a local_mapper adjusts with where nothing else is named: local_adjustment, if the traits of the map can write poses and
+/// positions.
+template <class Map, class Policy>
+using default_adjustment =
+    std::conditional_t<detail::map_has_v<Map, detail::map_adjust_member>, local_adjustment<Map, Policy>, no_adjustment>;
 
 /// Local mapping: hand it keyframes, one after the other. One thread; tracking and loop closing may use the map meanwhile
 /// under the same guard (map_traits::guard), which is held to copy what a search reads and to apply what it found, never
 /// during a search: see docs/local_mapping.md for how long. Map, store and context must outlive the mapper.
-template <class Map, class Policy>
+///
+/// \tparam Adjustment  the stage that adjusts: local_adjustment with the precisions and solvers that options may name, or
+///                     no_adjustment
+template <class Map, class Policy, class Adjustment = default_adjustment<Map, Policy>>
 class local_mapper {
  public:
   using traits = map_traits<Map>;
@@ -33,8 +58,9 @@ class local_mapper {
   using point = typename traits::point;
   using descriptor = typename traits::descriptor;
   using camera = typename traits::camera;
-  using store_type = keyframe_store<descriptor, camera, memory_of_t<Policy>>;
+  using store_type = store_of<Map, Policy>;
   using hooks_type = local_mapper_hooks<Map>;
+  using scope = mapping_scope<Map, Policy>;
 
   local_mapper(context<Policy>& ctx, Map& map, store_type& store, const local_mapper_options& options = {},
                hooks_type hooks = {})
@@ -43,13 +69,16 @@ class local_mapper {
         store_(store),
         options_(options),
         hooks_(std::move(hooks)),
-        matching_(ctx),
+        search_(ctx),
+        creation_(ctx),
         fusion_(ctx),
+        adjustment_(ctx),
         appearance_(ctx) {
     static_assert(require_map_traits<Map>());
     require(options.deadline_ms >= 0, "options.deadline_ms", options.deadline_ms, "must not be negative");
-    require(options.stereo_baseline >= 0, "options.stereo_baseline", options.stereo_baseline, "must not be negative");
-    detail::check(options.keyframe_culling);
+    require(options.neighbours.stereo_baseline >= 0, "options.neighbours.stereo_baseline",
+            options.neighbours.stereo_baseline, "must not be negative");
+    check(options.keyframe_culling);
   }
 
   /// Takes the immutable part of a keyframe into the store: from keyframe_data, or from the user's own type through
@@ -68,15 +97,13 @@ class local_mapper {
       throw;
     }
   }
-  /// For a keyframe that somebody else takes out of the map.
+  /// For a keyframe that another part of the system takes out of the map.
   void remove(std::uint64_t id) {
     store_.erase(stored_.at(id));
     stored_.erase(id);
   }
   /// Puts points that tracking made on probation.
-  void watch(span<const point> points) {
-    for (const point p : points) recent_.push_back({p, iteration_});
-  }
+  void watch(span<const point> points) { probation_.watch(points, iteration_); }
 
   /// One iteration on a keyframe that is inserted, in the map, and holds its associations. An exception ends the iteration
   /// between two commits: the map is sound, the stages before are done.
@@ -87,7 +114,7 @@ class local_mapper {
     budget_.start(options_.deadline_ms);
     require(!(current == keyframe{}), "keyframe", "none", "is not a keyframe of the map");
     {
-      const timed_guard<Map> guard(map_, report_.held[mapping_stage::process]);
+      const auto guard = scope_of(mapping_stage::process).guard();
       require(traits::alive(map_, current), "keyframe", "dead", "is not in the map, or no longer");
       stored_.at(traits::id(map_, current));  // throws when it is not there
     }
@@ -98,7 +125,7 @@ class local_mapper {
     stage(mapping_stage::fusion, current, &local_mapper::fuse);
     stage(mapping_stage::adjustment, current, &local_mapper::adjust);
     stage(mapping_stage::keyframe_culling, current, &local_mapper::cull);
-    matching_.release();
+    search_.release();
     report_.total_ms = budget_.elapsed_ms();
     ++iteration_;
     return report_;
@@ -108,20 +135,28 @@ class local_mapper {
   void update_geometry(span<const point> points) {
     appearance_options options = appearance();
     options.descriptors = false;
-    appearance_(ctx_, map_, store_, stored_, points, options, report_.held[mapping_stage::adjustment]);
+    appearance_(scope_of(mapping_stage::adjustment), points, options);
   }
   /// Descriptors, normals and distance ranges of points whose observations were changed, e.g. in the adjust hook.
-  void update_appearance(span<const point> points) { update(points, report_.held[mapping_stage::adjustment]); }
+  void update_appearance(span<const point> points) { update(scope_of(mapping_stage::adjustment), points); }
 
   const mapping_report& report() const { return report_; }
   local_mapper_options& options() { return options_; }
   /// Keyframes that were processed.
   std::int64_t iterations() const { return iteration_; }
   /// The last correspondence search.
-  const neighbour_matching<Map, Policy>& matching() const { return matching_; }
+  const neighbour_search<Map, Policy>& last_search() const { return search_; }
   const handle_table& stored() const { return stored_; }
 
  private:
+  enum piece : std::size_t { search_a_neighbour, create_all, fuse_a_target, fuse_back, cull_a_keyframe, pieces };
+
+  using stage_function = void (local_mapper::*)(keyframe, const scope&);
+  static constexpr bool adjusts = !std::is_same_v<Adjustment, no_adjustment>;
+  struct absent_adjustment {
+    explicit absent_adjustment(context<Policy>&) {}
+  };
+
   /// \throws std::invalid_argument  the keyframe is none, or not in the map
   std::uint64_t id_of(keyframe k) {
     require(!(k == keyframe{}), "keyframe", "none", "is not a keyframe of the map");
@@ -129,14 +164,11 @@ class local_mapper {
     require(traits::alive(map_, k), "keyframe", "dead", "is not in the map, or no longer");
     return traits::id(map_, k);
   }
-
-  enum piece : std::size_t { search_a_neighbour, create_all, fuse_a_target, fuse_back, cull_a_keyframe, pieces };
-
-  using stage_function = void (local_mapper::*)(keyframe, guard_times&);
+  scope scope_of(mapping_stage s) { return {ctx_, map_, store_, stored_, report_.held[s]}; }
 
   void stage(mapping_stage s, keyframe current, stage_function run) {
     stage_outcome& outcome = report_.outcome[s];
-    if (!options_.enabled[s] || (s == mapping_stage::adjustment && !hooks_.adjust)) return;
+    if (!options_.enabled[s] || (s == mapping_stage::adjustment && !adjusts && !hooks_.adjust)) return;
     const bool waits = s >= mapping_stage::fusion && hooks_.keyframes_wait && hooks_.keyframes_wait();
     stopped_ = stopped_ || (hooks_.stop && hooks_.stop());
     if (waits || stopped_) {
@@ -145,16 +177,11 @@ class local_mapper {
     }
     const double begin = budget_.elapsed_ms();
     cut_ = false;
-    (this->*run)(current, report_.held[s]);
+    (this->*run)(current, scope_of(s));
     outcome = cut_ ? stage_outcome::cut : stage_outcome::done;
     report_.cut = report_.cut || cut_;
     report_.ms[s] = budget_.elapsed_ms() - begin;
     if (hooks_.stage_done) hooks_.stage_done(s, report_);
-  }
-
-  /// Keyframes that wait may be in the map already: until they are inserted they are not ours to search, nor to count.
-  auto stored_only() const {
-    return [this](keyframe k) { return stored_.contains(traits::id(map_, k)); };
   }
 
   /// Runs a piece of work and notes what it took.
@@ -173,111 +200,104 @@ class local_mapper {
     options.scales = options_.fusion.search.scales;
     return options;
   }
-  void update(span<const point> points, guard_times& held) {
-    report_.points_updated += appearance_(ctx_, map_, store_, stored_, points, appearance(), held);
+  void update(const scope& s, span<const point> points) {
+    report_.points_updated += appearance_(s, points, appearance());
   }
 
-  void update_associated(keyframe current, guard_times& held) {
+  void update_associated(keyframe current, const scope& s) {
     {
-      const timed_guard<Map> guard(map_, held);
+      const auto guard = s.guard();
       points_.clear();
-      for (std::size_t i = 0; i < traits::keypoint_count(map_, current); ++i)
+      for (std::size_t i = 0; i < keypoint_count_of(map_, current); ++i)
         points_.push_back(traits::point_at(map_, current, i));
     }
-    update(points_, held);
+    update(s, points_);
   }
 
-  void cull_points(keyframe, guard_times& held) {
-    const timed_guard<Map> guard(map_, held);
-    report_.points_culled = cull_recent_points(map_, recent_, iteration_, options_.point_culling).dropped;
+  void cull_points(keyframe, const scope& s) {
+    report_.points_culled = probation_(s, iteration_, options_.point_culling).dropped;
   }
 
-  void search(keyframe current, guard_times& held) {
-    {
-      const timed_guard<Map> guard(map_, held);
-      const auto& near = neighbourhood_.neighbours(map_, current, options_.neighbourhood, stored_only());
-      const std::size_t limit = budget_.fitting(search_a_neighbour, near.size());
-      report_.neighbours = matching_.gather(map_, stored_, current, span<const keyframe>(near),
-                                            options_.stereo_baseline, options_.baseline_rule, limit);
-      if (limit < near.size() && report_.neighbours == limit) cut(search_a_neighbour);
-    }
-    timed(search_a_neighbour, static_cast<double>(report_.neighbours),
-          [&] { matching_.search(ctx_, store_, options_.search); });
+  void search(keyframe current, const scope& s) {
+    if (search_.snapshot(s, current, options_.neighbours,
+                         [this](std::size_t n) { return budget_.fitting(search_a_neighbour, n); }))
+      cut(search_a_neighbour);
+    report_.neighbours = search_.neighbour_count();
+    timed(search_a_neighbour, static_cast<double>(report_.neighbours), [&] { search_.compute(s, options_.search); });
   }
 
-  void create(keyframe, guard_times& held) {
-    if (report_.outcome[mapping_stage::search] == stage_outcome::off ||
-        report_.outcome[mapping_stage::search] == stage_outcome::skipped)
-      return;
+  void create(keyframe, const scope& s) {
+    const stage_outcome searched = report_.outcome[mapping_stage::search];
+    if (searched == stage_outcome::off || searched == stage_outcome::skipped) return;
     if (!budget_.fits(create_all)) return cut(create_all);
     timed(create_all, 1, [&] {
-      points_.clear();
-      report_.matches = matching_.create(ctx_, map_, options_.creation, appearance(), points_, held);
-      report_.points_created = points_.size();
-      report_.points_updated += points_.size();
-      watch(points_);
+      const auto& created = creation_(s, search_, options_.creation, appearance());
+      report_.matches = creation_.plan().size();
+      report_.points_created = created.size();
+      report_.points_updated += created.size();
+      watch(created);
     });
   }
 
-  void fuse(keyframe current, guard_times& held) {
+  void fuse(keyframe current, const scope& s) {
     std::vector<keyframe>& targets = keyframes_;
     {
-      const timed_guard<Map> guard(map_, held);
-      targets = neighbourhood_.targets(map_, current, options_.neighbourhood, stored_only());
+      const auto guard = s.guard();
+      const auto in_store = [this](keyframe k) { return stored_.contains(traits::id(map_, k)); };
+      targets = neighbourhood_.targets(map_, current, options_.neighbours.neighbourhood, in_store);
     }
     const std::size_t fitting = budget_.fitting(fuse_a_target, targets.size());
     if (fitting < targets.size()) cut(fuse_a_target);
     targets.resize(fitting);
     report_.fusion_targets = fitting;
     fusion_.begin();
-    timed(fuse_a_target, static_cast<double>(fitting), [&] {
-      report_.fused += fusion_.forward(ctx_, map_, store_, stored_, current, targets, options_.fusion, held);
-    });
+    timed(fuse_a_target, static_cast<double>(fitting),
+          [&] { report_.fused += fusion_.forward(s, current, targets, options_.fusion); });
     if (!budget_.fits(fuse_back)) {
       cut(fuse_back);
     } else {
-      timed(fuse_back, 1, [&] {
-        report_.fused += fusion_.backward(ctx_, map_, store_, stored_, current, targets, options_.fusion, held);
-      });
+      timed(fuse_back, 1, [&] { report_.fused += fusion_.backward(s, current, targets, options_.fusion); });
     }
-    update(fusion_.touched(), held);
+    update(s, fusion_.touched());
   }
 
-  void adjust(keyframe current, guard_times&) {
+  void adjust(keyframe current, const scope& s) {
     const double left = options_.deadline_ms > 0 ? options_.deadline_ms - budget_.elapsed_ms()
                                                  : std::numeric_limits<double>::infinity();
-    if (left > 0)
-      hooks_.adjust(map_, current, left);
-    else
+    if (!(left > 0)) {
       cut_ = true;
+    } else if (hooks_.adjust) {
+      hooks_.adjust(map_, current, left);
+    } else if constexpr (adjusts) {
+      local_adjustment_options options = options_.adjustment;
+      const double limit = options.solve.time_budget_ms;
+      if (options_.deadline_ms > 0 && !(limit > 0 && limit < left)) options.solve.time_budget_ms = left;
+      report_.adjustment = adjustment_(s, current, options);
+      update_geometry(adjustment_.points());
+      update(s, adjustment_.points_that_lost_views());
+    }
   }
 
-  void cull(keyframe current, guard_times& held) {
-    {
-      const timed_guard<Map> guard(map_, held);
-      keyframes_ = neighbourhood_.covisible_keyframes(map_, current, options_.neighbourhood, stored_only());
-    }
-    points_.clear();  // that lose a view and live on
-    for (const keyframe k : keyframes_) {
+  void cull(keyframe current, const scope& s) {
+    for (const keyframe k : culling_.snapshot(s, current, options_.neighbours.neighbourhood)) {
       if (!budget_.fits(cull_a_keyframe)) {
         cut(cull_a_keyframe);
         break;
       }
       timed(cull_a_keyframe, 1, [&] {
-        const timed_guard<Map> guard(map_, held);
-        if (!traits::alive(map_, k)) return;
-        records_.clear();
         report_.keyframes_culled.reserve(report_.keyframes_culled.size() + 1);
-        cull_keyframes(map_, current, span<const keyframe>(&k, 1), options_.keyframe_culling, records_, &points_,
-                       hooks_.erasing);
-        for (const auto& record : records_) {
-          if (record.verdict != culling_verdict::erased) continue;
-          report_.keyframes_culled.push_back(record.id);
-          if (stored_.contains(record.id)) remove(record.id);
-        }
+        culling_.commit(
+            s, current, k, options_.keyframe_culling,
+            [this](keyframe redundant) {
+              if (hooks_.erasing) hooks_.erasing(redundant);
+            },
+            [this](std::uint64_t id) {
+              report_.keyframes_culled.push_back(id);
+              if (stored_.contains(id)) remove(id);
+            });
       });
     }
-    if (!points_.empty()) update(points_, held);
+    if (!culling_.touched().empty()) update(s, culling_.touched());
   }
 
   context<Policy>& ctx_;
@@ -285,22 +305,24 @@ class local_mapper {
   store_type& store_;
   local_mapper_options options_;
   hooks_type hooks_;
-
   handle_table stored_;
+
   neighbourhood<Map> neighbourhood_;
-  neighbour_matching<Map, Policy> matching_;
+  point_culling<Map, Policy> probation_;
+  neighbour_search<Map, Policy> search_;
+  map_point_creation<Map, Policy> creation_;
   duplicate_fusion<Map, Policy> fusion_;
+  std::conditional_t<adjusts, Adjustment, absent_adjustment> adjustment_;
+  keyframe_culling<Map, Policy> culling_;
   appearance_update<Map, Policy> appearance_;
-  std::vector<recent_point<point>> recent_;
+
   std::int64_t iteration_ = 0;
   time_budget<pieces> budget_;
   mapping_report report_;
   bool cut_ = false;
   bool stopped_ = false;
-
   std::vector<keyframe> keyframes_;
   std::vector<point> points_;
-  std::vector<culling_record<keyframe>> records_;
 };
 
 TURBOMAP_END_NAMESPACE

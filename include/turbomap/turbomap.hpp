@@ -44,7 +44,7 @@
 #include "mapping/keyframe_culling.hpp"
 #include "mapping/local_adjustment.hpp"
 #include "mapping/local_mapper_options.hpp"
-#include "mapping/map_point_culling.hpp"
+#include "mapping/point_culling.hpp"
 #include "mapping/mapping_report.hpp"
 #include "matching/correspondence_search.hpp"
 #include "matching/filters.hpp"

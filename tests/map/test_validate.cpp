@@ -10,7 +10,7 @@
 #include <turbomap/map/validate.hpp>
 #include <turbomap/mapping/fusion_commit.hpp>
 #include <turbomap/mapping/keyframe_culling.hpp>
-#include <turbomap/mapping/map_point_culling.hpp>
+#include <turbomap/mapping/point_culling.hpp>
 
 #include <functional>
 #include <string>

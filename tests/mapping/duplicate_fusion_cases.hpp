@@ -145,13 +145,12 @@ void check_fusion(const Policy& policy, const test_rig<Camera>& rig, const mappi
   turbomap::guard_times held;
   fusion.begin();
   const auto span = turbomap::span<const turbomap::map_keyframe_id>(targets);
-  auto summary = fusion.forward(run.ctx, run.map, run.store, run.mapper.stored(), query, span, options, held);
-  summary += fusion.backward(run.ctx, run.map, run.store, run.mapper.stored(), query, span, options, held);
+  auto summary = fusion.forward(run.scope(held), query, span, options);
+  summary += fusion.backward(run.scope(held), query, span, options);
   turbomap::appearance_update<mapped<Camera>, Policy> update(run.ctx);
   turbomap::appearance_options appearance;
   appearance.scales = recipe.scales;
-  const std::size_t updated =
-      update(run.ctx, run.map, run.store, run.mapper.stored(), fusion.touched(), appearance, held);
+  const std::size_t updated = update(run.scope(held), fusion.touched(), appearance);
   std::set<oracle_id> gained;
   for (const oracle_id p : oracle.touched)
     if (oracle.map.points.count(p) != 0) gained.insert(p);

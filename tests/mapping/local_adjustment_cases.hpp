@@ -41,7 +41,8 @@ struct local_scene {
   using keyframe = typename traits::keyframe;
   using point = typename traits::point;
 
-  std::vector<turbomap::rig_camera<pinhole_camera>> rig;
+  local_recipe recipe;
+  std::vector<turbomap::rig_camera<pinhole_camera>> rig;  ///< of all keyframes
   Map map;
   std::vector<keyframe> keyframes;
   std::vector<point> points;
@@ -49,7 +50,7 @@ struct local_scene {
   std::vector<turbomap::vec3<double>> true_points;
   std::set<std::pair<std::size_t, std::size_t>> wrong;  ///< keyframe, keypoint: the outliers
 
-  explicit local_scene(const local_recipe& r = {}) {
+  explicit local_scene(const local_recipe& r = {}) : recipe(r) {
     std::mt19937 random(r.seed);
     std::uniform_real_distribution<double> uniform(-1, 1);
     std::normal_distribution<double> normal;
@@ -104,7 +105,10 @@ struct local_scene {
       traits::set_reference(map, p, first);
     }
   }
-  turbomap::rig_view<pinhole_camera> view() const { return {rig.data(), static_cast<int>(rig.size())}; }
+  /// The cameras of keyframe f.
+  turbomap::rig_view<pinhole_camera> rig_of(std::size_t f) const {
+    return {rig.data() + (recipe.alternate ? f % 2 * static_cast<std::size_t>(recipe.cameras) : 0), recipe.cameras};
+  }
 
   /// Everything that an adjustment may change, to the last bit: poses, slots, positions, who is alive.
   std::string state() const {
@@ -144,14 +148,48 @@ struct local_scene {
   }
 };
 
+/// A context, a store with all live keyframes of a scene, and the stage.
+template <class Map, class Policy>
+struct adjustment_run {
+  using traits = turbomap::map_traits<Map>;
+
+  local_scene<Map>& scene;
+  turbomap::context<Policy> ctx;
+  turbomap::store_of<Map, Policy> store;
+  turbomap::handle_table stored;
+  turbomap::guard_times held;
+  turbomap::local_adjustment<Map, Policy> adjust{ctx};
+
+  adjustment_run(const Policy& policy, local_scene<Map>& scene) : scene(scene), ctx(policy) {
+    for (std::size_t f = 0; f < scene.keyframes.size(); ++f)
+      if (!(scene.keyframes[f] == typename traits::keyframe{}) && traits::alive(scene.map, scene.keyframes[f])) insert(f);
+  }
+  void insert(std::size_t f) {
+    const auto k = scene.keyframes[f];
+    std::vector<turbomap::keypoint> keypoints;
+    for (std::size_t i = 0; i < turbomap::keypoint_count_of(scene.map, k); ++i) keypoints.push_back(turbomap::keypoint_of(scene.map, k, i));
+    const std::vector<typename traits::descriptor::element> descriptors(
+        keypoints.size() * static_cast<std::size_t>(traits::descriptor::elements));
+    turbomap::keyframe_data<typename traits::descriptor, pinhole_camera> data;
+    data.keypoint_count = static_cast<int>(keypoints.size());
+    data.keypoints = keypoints.data(), data.descriptors = descriptors.data();
+    const auto rig = scene.rig_of(f);
+    data.cameras = rig.cameras, data.camera_count = rig.count;
+    data.bounds = {-100, -100, 740, 580};  // outliers may lie outside the image
+    stored.add(traits::id(scene.map, k), store.insert(data));
+  }
+  turbomap::mapping_scope<Map, Policy> scope() { return {ctx, scene.map, store, stored, held}; }
+  turbomap::local_adjustment_summary operator()(std::size_t current,
+                                                const turbomap::local_adjustment_options& options = {}) {
+    return adjust(scope(), scene.keyframes[current], options);
+  }
+};
+
 /// One adjustment around a keyframe with memory of its own.
 template <class Policy, class Map>
 turbomap::local_adjustment_summary adjust_around(const Policy& policy, local_scene<Map>& scene, std::size_t current,
                                                  const turbomap::local_adjustment_options& options = {}) {
-  turbomap::context<Policy> ctx{policy};
-  turbomap::local_adjustment<Map, Policy> adjust(ctx, scene.view());
-  turbomap::guard_times held;
-  return adjust(ctx, scene.map, scene.keyframes[current], options, held);
+  return adjustment_run<Map, Policy>(policy, scene)(current, options);
 }
 
 }  // namespace turbomap_test

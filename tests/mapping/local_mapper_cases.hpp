@@ -85,7 +85,7 @@ void check_same_map(const Policy& policy, const mapping_case<Camera>& c, int key
     }
   }
   CHECK(created > 20);
-  CHECK(merged + (c.options.stereo_baseline > 0 ? 0 : 20) > 20);
+  CHECK(merged + (c.options.neighbours.stereo_baseline > 0 ? 0 : 20) > 20);
   using traits = turbomap::map_traits<mapped_by<Camera>>;
   double worst = 0;
   std::vector<turbomap::vec3<double>> positions;

@@ -55,7 +55,7 @@ struct stale_map {
     return r;
   }
   std::size_t operator()(const std::vector<map_point_id>& which) {
-    return update(run.ctx, run.map, run.store, run.mapper.stored(), which, options, held);
+    return update(run.scope(held), which, options);
   }
 };
 

@@ -45,12 +45,10 @@ struct prepared {
     targets = around.targets(run.map, run.keyframes().back(), {});
   }
   turbomap::fusion_summary forward() {
-    return fusion.forward(run.ctx, run.map, run.store, run.mapper.stored(), run.keyframes().back(), targets, options,
-                          held);
+    return fusion.forward(run.scope(held), run.keyframes().back(), targets, options);
   }
   turbomap::fusion_summary backward() {
-    return fusion.backward(run.ctx, run.map, run.store, run.mapper.stored(), run.keyframes().back(), targets, options,
-                           held);
+    return fusion.backward(run.scope(held), run.keyframes().back(), targets, options);
   }
 };
 
@@ -74,8 +72,7 @@ TEST_CASE("no targets, dead ones, and such as nobody inserted: nothing happens t
     CHECK(content(p.run.map) == dead_only);
     p.targets = {all[0], all[1], unknown};
     const auto query = p.run.keyframes()[p.run.keyframes().size() - 2];
-    const auto done =
-        p.fusion.forward(p.run.ctx, p.run.map, p.run.store, p.run.mapper.stored(), query, p.targets, p.options, p.held);
+    const auto done = p.fusion.forward(p.run.scope(p.held), query, p.targets, p.options);
     CHECK(done.merged + done.observations_added > 0);
     CHECK(turbomap::validate(p.run.map).empty());
     for (std::size_t i = 0; i < p.run.map.keypoints(unknown).size(); ++i)

@@ -25,18 +25,6 @@
 #include "scenes/watched_map.hpp"
 #include "support/policies.hpp"
 
-namespace turbomap_test {
-
-/// Every second keyframe has a rig of its own.
-struct two_rigs_map : flat_map {};
-
-}  // namespace turbomap_test
-
-template <>
-struct turbomap::map_traits<turbomap_test::two_rigs_map> : turbomap::map_traits<turbomap_test::flat_map> {
-  static int first_camera(const turbomap_test::two_rigs_map& m, keyframe k) { return id(m, k) % 2 == 0 ? 0 : 2; }
-};
-
 namespace {
 
 using namespace turbomap_test;
@@ -240,11 +228,11 @@ TEST_CASE_TEMPLATE("poses, points, outliers and deaths are the oracle's", Policy
   }
 }
 
-TEST_CASE_TEMPLATE("the truth is found, whatever the map and the rigs", Map, flat_map, pointer_map, watched,
-                   two_rigs_map) {
+template <class Map>
+void check_truth_is_found(bool two_rigs) {
   using traits = turbomap::map_traits<Map>;
   local_recipe recipe;
-  recipe.pixel_noise = 0.1, recipe.outliers = 0.02, recipe.alternate = std::is_same_v<Map, two_rigs_map>;
+  recipe.pixel_noise = 0.1, recipe.outliers = 0.02, recipe.alternate = two_rigs;
   local_scene<Map> s(recipe);
   const auto w = window_by_definition(sightings_of(s), 7, 50, origin_of(s));
   REQUIRE(w.free.size() >= 3);
@@ -277,6 +265,11 @@ TEST_CASE_TEMPLATE("the truth is found, whatever the map and the rigs", Map, fla
   CHECK(point_after < 0.01);
 }
 
+TEST_CASE_TEMPLATE("the truth is found, whatever the map", Map, flat_map, pointer_map, watched) {
+  check_truth_is_found<Map>(false);
+}
+TEST_CASE("the truth is found, with two rigs in one map") { check_truth_is_found<flat_map>(true); }
+
 TEST_CASE("the same bits under every policy, in any memory") {
   local_recipe recipe;
   recipe.outliers = 0.05;
@@ -286,9 +279,7 @@ TEST_CASE("the same bits under every policy, in any memory") {
     local_scene<flat_map> expected(recipe), c(recipe);
     std::vector<local_scene<flat_map>> parallel;  // one per policy
     turbomap_test::for_each_parallel_policy([&](auto) { parallel.emplace_back(recipe); });
-    turbomap::context<sequential> ctx{sequential{}};
-    turbomap::local_adjustment<flat_map, sequential> adjust(ctx, c.view());
-    turbomap::guard_times held;
+    adjustment_run<flat_map, sequential> run(sequential{}, c);
     for (const std::size_t current : {9, 4, 6, 2}) {
       const auto summary = adjust_around(sequential{}, expected, current, options);
       CHECK(summary.solve.accepted > 0);
@@ -297,30 +288,28 @@ TEST_CASE("the same bits under every policy, in any memory") {
         CHECK(adjust_around(policy, *scene, current, options).outliers == summary.outliers);
         CHECK(scene++->state() == expected.state());
       });
-      CHECK(adjust(ctx, c.map, c.keyframes[current], options, held).outliers == summary.outliers);
-      CHECK(adjust.points().size() == summary.points);
+      CHECK(run(current, options).outliers == summary.outliers);
+      CHECK(run.adjust.points().size() == summary.points);
       CHECK(c.state() == expected.state());
     }
-    CHECK(held.count == 8);
+    CHECK(run.held.count == 8);
   }
 }
 
 /// Adjusts around keyframe 5 while `meanwhile` happens: after the map was copied, before the result is written.
 template <class Function>
 turbomap::local_adjustment_summary adjust_while(local_scene<watched>& s, Function meanwhile) {
-  turbomap::context<sequential> ctx{sequential{}};
-  turbomap::local_adjustment<watched, sequential> adjust(ctx, s.view());
-  turbomap::guard_times held;
+  adjustment_run<watched, sequential> run(sequential{}, s);
   int times = 0;
   s.map.watch.before = [&] {
     if (++times == 2) meanwhile();
   };
   s.map.watch.armed = true;
-  const auto summary = adjust(ctx, s.map, s.keyframes[5], local_adjustment_options{}, held);
+  const auto summary = run(5);
   s.map.watch.armed = false, s.map.watch.before = {};
   CHECK(times == 2);
-  CHECK(held.count == 2);
-  CHECK(held.longest_ms <= held.total_ms);
+  CHECK(run.held.count == 2);
+  CHECK(run.held.longest_ms <= run.held.total_ms);
   CHECK_FALSE(s.map.watch.held);
   CHECK(turbomap::validate(s.map).empty());
   return summary;
@@ -455,15 +444,13 @@ template <class Map>
 turbomap::local_adjustment_summary check_unchanged(local_scene<Map>& s, std::size_t current, adjustment_end end,
                                                    const local_adjustment_options& options = {}) {
   const auto before = s.state();
-  turbomap::context<sequential> ctx{sequential{}};
-  turbomap::local_adjustment<Map, sequential> adjust(ctx, s.view());
-  turbomap::guard_times held;
-  const auto summary = adjust(ctx, s.map, s.keyframes[current], options, held);
+  adjustment_run<Map, sequential> run(sequential{}, s);
+  const auto summary = run(current, options);
   CHECK(s.state() == before);
   CHECK(std::string(turbomap::to_string(summary.solve.end)) == turbomap::to_string(end));
   CHECK(summary.solve.accepted == 0);
   CHECK(summary.outliers == 0);
-  CHECK(held.count == 1);  // nothing to write
+  CHECK(run.held.count == 1);  // nothing to write
   return summary;
 }
 
@@ -509,10 +496,8 @@ TEST_CASE("nothing to do, or not possible: the map stays, and the summary says w
     turbomap::erase_keyframe(s.map, s.keyframes[5]);
     CHECK(check_unchanged(s, 5, adjustment_end::no_observations).stale);
     s.keyframes[5] = {};
-    turbomap::context<sequential> ctx{sequential{}};
-    turbomap::local_adjustment<flat_map, sequential> adjust(ctx, s.view());
-    turbomap::guard_times held;
-    CHECK(adjust(ctx, s.map, {}, options, held).stale);
+    adjustment_run<flat_map, sequential> run(sequential{}, s);
+    CHECK(run(5, options).stale);
   }
 }
 
@@ -542,11 +527,46 @@ TEST_CASE("bad input is refused by name, and the map stays") {
   check_refused(s, with([](auto& o) { o.scales.scale_factor = 0.5F; }), "options.scales.scale_factor = 0.5");
   check_refused(s, with([](auto& o) { o.fewest_measurements = -1; }), "options.fewest_measurements = -1");
   check_refused(s, with([](auto& o) { o.solve.max_iterations = -1; }), "options.max_iterations = -1");
-  s.rig.pop_back();
-  check_refused(s, {}, "keypoint.camera = 1");
   CHECK_FALSE(s.map.watch.held);
-  s.rig.clear();
-  check_refused(s, {}, "rig.count = 0");
+}
+
+TEST_CASE("keyframes that are not in the store are passed over; the current one must be there") {
+  local_scene<flat_map> s;
+  adjustment_run<flat_map, sequential> all(sequential{}, s), run(sequential{}, s);
+  const std::string before = s.state();
+  const std::uint64_t current = turbomap::map_traits<flat_map>::id(s.map, s.keyframes[5]);
+  run.stored.erase(current);
+  CHECK_THROWS_AS(run(5), std::invalid_argument);
+  CHECK(s.state() == before);
+  run.insert(5);
+  for (const std::size_t f : {2, 6}) run.stored.erase(turbomap::map_traits<flat_map>::id(s.map, s.keyframes[f]));
+  const auto T_2 = s.map.T_cw(s.keyframes[2]), T_6 = s.map.T_cw(s.keyframes[6]);
+  const auto summary = run(5);
+  CHECK(summary.solve.accepted > 0);
+  CHECK(same_pose(s.map.T_cw(s.keyframes[2]), T_2));
+  CHECK(same_pose(s.map.T_cw(s.keyframes[6]), T_6));
+  const auto with_all = all(5);
+  CHECK(with_all.free_keyframes + with_all.fixed_keyframes == summary.free_keyframes + summary.fixed_keyframes + 2);
+  CHECK(with_all.observations > summary.observations);
+}
+
+TEST_CASE("a keypoint that the map, or the store, does not have is refused, and nothing is written") {
+  local_scene<flat_map> s;
+  adjustment_run<flat_map, sequential> run(sequential{}, s);
+  s.keyframes.push_back(insert_keyframe(s.map, s.map.keypoints(s.keyframes[5]).size() == 0
+                                                   ? std::vector<turbomap::keypoint>{}
+                                                   : std::vector<turbomap::keypoint>{make_keypoint(0)},
+                                        20, {}));
+  // The store has it with fewer keypoints than the map says.
+  turbomap::keyframe_data<map_descriptor, pinhole_camera> data;
+  const auto rig = s.rig_of(0);
+  data.cameras = rig.cameras, data.camera_count = rig.count;
+  run.stored.add(turbomap::map_traits<flat_map>::id(s.map, s.keyframes.back()), run.store.insert(data));
+  const auto p = s.map.point_at(s.keyframes[5], 0);
+  turbomap::observe(s.map, p, s.keyframes.back(), 0);
+  const std::string before = s.state();
+  CHECK_THROWS_AS(run(5), std::invalid_argument);
+  CHECK(s.state() == before);
 }
 
 TEST_CASE("an outlier whose point contradicts the map: refused, and nothing is written") {

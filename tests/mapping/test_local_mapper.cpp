@@ -160,7 +160,7 @@ TEST_CASE("keyframes that are in the map and not yet inserted do not use up the 
     CAPTURE(waiting);
     auto options = stereo_case().options;
     options.enabled[mapping_stage::keyframe_culling] = false;
-    options.neighbourhood.neighbours = 3;
+    options.neighbours.neighbourhood.neighbours = 3;
     mapping_recipe recipe;
     recipe.lost = 0;
     stereo_run<> r(options, {}, recipe);
@@ -173,7 +173,7 @@ TEST_CASE("keyframes that are in the map and not yet inserted do not use up the 
     const auto& report = r.run.mapper.process(k);
     CHECK(report.neighbours == 3);
     CHECK(report.fusion_targets >= 3);
-    for (const auto id : r.run.mapper.matching().selection().ids()) CHECK(id < 9);
+    for (const auto id : r.run.mapper.last_search().selection().ids()) CHECK(id < 9);
   }
 }
 
@@ -228,6 +228,43 @@ TEST_CASE("what is no keyframe of the map is refused by insert and process") {
   CHECK_THROWS_AS(r.run.mapper.process(k), std::invalid_argument);
   CHECK(content(r.run.map) == before);
   CHECK(r.run.store.size() == 2);
+}
+
+/// Runs the mapper's own adjustment under a policy and says what it left.
+template <class Policy>
+std::string adjusted_map(const Policy& policy, const mapping_case<pinhole_camera>& c, int keyframes,
+                         std::size_t* adjusted = nullptr) {
+  using map_type = mapped_by<pinhole_camera>;
+  const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
+  mapping_run<map_type, Policy, turbomap::local_adjustment<map_type, Policy>> run(scene, c.options, {}, policy);
+  for (int n = 0; n < keyframes; ++n) {
+    const auto& report = run.step();
+    CHECK(report.outcome[mapping_stage::adjustment] == stage_outcome::done);
+    if (adjusted != nullptr) *adjusted += report.adjustment.solve.accepted > 0 ? 1 : 0;
+    REQUIRE(turbomap::validate(run.map).empty());
+  }
+  return content(run.map);
+}
+
+TEST_CASE("the mapper adjusts by itself, with the same bits under every host policy") {
+  const auto c = stereo_case(noisy(11));
+  std::size_t adjusted = 0;
+  const std::string expected = adjusted_map(sequential{}, c, 8, &adjusted);
+  CHECK(adjusted >= 5);
+  for_each_parallel_policy([&](auto policy) { CHECK(adjusted_map(policy, c, 8) == expected); });
+}
+
+TEST_CASE("a hook adjusts in place of the mapper's own stage") {
+  using map_type = mapped_by<pinhole_camera>;
+  const auto c = stereo_case();
+  const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
+  int called = 0;
+  turbomap::local_mapper_hooks<map_type> hooks;
+  hooks.adjust = [&](map_type&, turbomap::map_keyframe_id, double) { ++called; };
+  mapping_run<map_type, sequential, turbomap::local_adjustment<map_type, sequential>> run(scene, c.options, hooks);
+  run.steps(3);
+  CHECK(called == 3);
+  CHECK(run.mapper.report().adjustment.observations == 0);
 }
 
 TEST_CASE("stop ends the iteration before the stage that asks, whatever it says later") {
@@ -499,8 +536,8 @@ TEST_CASE("bad options are refused when the mapper is made") {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   refuses([](auto& o) { o.deadline_ms = -1; });
   refuses([](auto& o) { o.deadline_ms = nan; });
-  refuses([](auto& o) { o.stereo_baseline = -0.1; });
-  refuses([](auto& o) { o.stereo_baseline = nan; });
+  refuses([](auto& o) { o.neighbours.stereo_baseline = -0.1; });
+  refuses([](auto& o) { o.neighbours.stereo_baseline = nan; });
   refuses([](auto& o) { o.keyframe_culling.redundant_share = 2; });
 }
 
@@ -523,7 +560,7 @@ TEST_CASE("keyframes of the map that are not in the store are left out") {
     const auto& report = r.run.step();
     CHECK(report.neighbours == static_cast<std::size_t>(n + 2));
     CHECK(report.fused.merged > 0);
-    for (const auto id : r.run.mapper.matching().selection().ids()) CHECK(id != 2);
+    for (const auto id : r.run.mapper.last_search().selection().ids()) CHECK(id != 2);
   }
   for (const std::size_t i : free_before) CHECK(r.run.map.point_at(outsider, i) == turbomap::map_point_id{});
   CHECK(r.sound());
@@ -691,7 +728,7 @@ TEST_CASE("no memory, at any time: the map is sound, and the next keyframe is ma
   mapping_recipe small;
   small.per_metre = 10, small.clutter = 5;
   auto options = stereo_case().options;
-  options.neighbourhood.min_shared_points = 5;
+  options.neighbours.neighbourhood.min_shared_points = 5;
   SUBCASE("a mapper that has its memory") {
     stereo_run<> r(options, {}, small);
     r.run.notes_creation = false;
@@ -719,7 +756,7 @@ TEST_CASE("no memory, at any time: the map is sound, and the next keyframe is ma
       stereo_run<> r(options, {}, small);
       r.run.notes_creation = false;
       r.run.steps(2);
-      turbomap::local_mapper<flat_map, sequential> fresh(r.run.ctx, r.run.map, r.run.store, options);
+      turbomap::local_mapper<flat_map, sequential, turbomap::no_adjustment> fresh(r.run.ctx, r.run.map, r.run.store, options);
       for (std::size_t i = 0; i < 2; ++i)
         if (r.run.map.alive(r.run.keyframes()[i]))
           fresh.insert(r.run.keyframes()[i], r.scene.data<map_descriptor>(r.run.view(i)));

@@ -7,7 +7,7 @@
 #include <doctest/doctest.h>
 
 #include <turbomap/map/map_edit.hpp>
-#include <turbomap/mapping/map_point_culling.hpp>
+#include <turbomap/mapping/point_culling.hpp>
 
 #include <cstdint>
 #include <limits>

@@ -6,6 +6,7 @@
 
 #include <doctest/doctest.h>
 
+#include <turbomap/mapping/duration_statistics.hpp>
 #include <turbomap/mapping/mapping_report.hpp>
 
 #include <cstddef>

@@ -9,7 +9,7 @@
 #include <turbomap/map/map_edit.hpp>
 #include <turbomap/mapping/fusion_commit.hpp>
 #include <turbomap/mapping/keyframe_culling.hpp>
-#include <turbomap/mapping/map_point_culling.hpp>
+#include <turbomap/mapping/point_culling.hpp>
 
 #include <algorithm>
 #include <cstddef>

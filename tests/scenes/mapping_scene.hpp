@@ -217,8 +217,9 @@ struct map_quality {
   double worst_error = 0;                      ///< m, of the live points that are not mixed
 };
 
-/// Local mapping over a scene. `Map` is a simple_map, or derived from one.
-template <class Map, class Policy>
+/// Local mapping over a scene. `Map` is a simple_map, or derived from one. Without adjustment where nothing else is said: the
+/// poses of a scene are true.
+template <class Map, class Policy, class Adjustment = turbomap::no_adjustment>
 class mapping_run {
  public:
   using traits = turbomap::map_traits<Map>;
@@ -226,7 +227,7 @@ class mapping_run {
   using point = typename traits::point;
   using descriptor = typename traits::descriptor;
   using camera = typename traits::camera;
-  using mapper_type = turbomap::local_mapper<Map, Policy>;
+  using mapper_type = turbomap::local_mapper<Map, Policy, Adjustment>;
   using hooks_type = turbomap::local_mapper_hooks<Map>;
 
   mapping_run(const mapping_scene<camera>& scene, const turbomap::local_mapper_options& options, hooks_type more = {},
@@ -296,6 +297,10 @@ class mapping_run {
     return q;
   }
   const std::vector<keyframe>& keyframes() const { return keyframes_; }
+  /// What a stage of one's own works on.
+  turbomap::mapping_scope<Map, Policy> scope(turbomap::guard_times& held) {
+    return {ctx, map, store, mapper.stored(), held};
+  }
   const mapping_view& view(std::size_t n) const { return views_[n]; }
 
   /// Most keypoints of known landmarks see them; some get new points, of landmarks that are known as well.

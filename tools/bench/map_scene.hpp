@@ -49,7 +49,7 @@ class map_scene {
     std::vector<point> all;
     for (const auto& [unused, p] : points) all.push_back(p);
     turbomap::guard_times unused;
-    appearance(ctx, map, store, stored, turbomap::span<const point>(all), update, unused);
+    appearance({ctx, map, store, stored, unused}, all, update);
     copy_to_oracle();
   }
   map_scene(const map_scene&) = delete;

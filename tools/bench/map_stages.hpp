@@ -64,8 +64,9 @@ nlohmann::json time_fusion(map_scene<Policy>& scene, int repetitions, double dis
   const auto ours = [&] {
     fusion.begin();
     const turbomap::span<const keyframe> all(targets);
-    found = fusion.forward(scene.ctx, map, scene.store, scene.stored, scene.query(), all, options, unused);
-    found += fusion.backward(scene.ctx, map, scene.store, scene.stored, scene.query(), all, options, unused);
+    const turbomap::mapping_scope scope{scene.ctx, map, scene.store, scene.stored, unused};
+    found = fusion.forward(scope, scene.query(), all, options);
+    found += fusion.backward(scope, scene.query(), all, options);
   };
   auto expected = scene.oracle;
   const auto oracle = [&] {
@@ -118,8 +119,7 @@ nlohmann::json time_map_update(map_scene<Policy>& scene, int repetitions, double
   }
   turbomap::guard_times unused;
   const auto ours = [&] {
-    scene.appearance(scene.ctx, scene.map, scene.store, scene.stored,
-                     turbomap::span<const typename scene_type::point>(points), scene.update, unused);
+    scene.appearance({scene.ctx, scene.map, scene.store, scene.stored, unused}, points, scene.update);
   };
   std::vector<posed> keyframes;  // all are alive: their ids are their numbers
   for (const auto& [unused_id, k] : scene.oracle.keyframes) keyframes.push_back(k);

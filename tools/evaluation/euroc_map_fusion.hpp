@@ -53,8 +53,9 @@ class fusion_evaluator {
       const std::vector<map_keyframe_id> targets = around.targets(world_.map, k, {});
       const span<const map_keyframe_id> all(targets);
       fusion.begin();
-      verdict.summary += fusion.forward(world_.ctx, world_.map, world_.store, world_.stored, k, all, options_, unused);
-      verdict.summary += fusion.backward(world_.ctx, world_.map, world_.store, world_.stored, k, all, options_, unused);
+      const mapping_scope scope{world_.ctx, world_.map, world_.store, world_.stored, unused};
+      verdict.summary += fusion.forward(scope, k, all, options_);
+      verdict.summary += fusion.backward(scope, k, all, options_);
       world_.update_appearance(fusion.touched());
     }
     judge(verdict);

@@ -83,7 +83,7 @@ class landmark_map {
     appearance_options options;
     options.scales.levels = 1;
     guard_times unused;
-    appearance_(ctx, map, store, stored, span<const map_point_id>(points), options, unused);
+    appearance_({ctx, map, store, stored, unused}, span<const map_point_id>(points), options);
   }
 
  private:

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include <turbomap/local_mapper.hpp>
-#include <turbomap/mapping/local_adjustment.hpp>
 
 #include "arguments.hpp"
 #include "map_digest.hpp"
@@ -26,7 +25,6 @@ namespace turbomap_replay {
 /// One keyframe of a replay.
 struct replay_row {
   turbomap::mapping_report report;
-  turbomap::local_adjustment_summary adjustment;
   double insertion_ms = 0;  ///< into the store, and tracking's associations: part of 'process'
   double total_ms = 0;
   std::size_t points = 0, keyframes = 0, observations = 0;  ///< in the map afterwards
@@ -47,7 +45,8 @@ struct replay_result {
 };
 
 /// Options of the mapper for a recording.
-inline turbomap::local_mapper_options mapper_options(const turbomap::recording_meta& meta, const arguments& a) {
+inline turbomap::local_mapper_options mapper_options(const turbomap::recording_meta& meta, const arguments& a,
+                                                     bool simulated) {
   using turbomap::mapping_stage;
   auto o = meta.sensor == "inertial"
                ? turbomap::local_mapper_options::stereo_inertial(meta.baseline, meta.close_depth, meta.pyramid())
@@ -61,6 +60,8 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording_m
   o.fusion.commit.merges = a.merges == "drop"     ? turbomap::merge_rule::drop
                            : a.merges == "refuse" ? turbomap::merge_rule::refuse
                                                   : turbomap::merge_rule::refuse_apart;
+  o.adjustment.solve.numbers = a.precision();
+  o.adjustment.stereo_correlation = a.correlation(simulated);
   o.deadline_ms = a.deadline_ms;
   o.enabled[mapping_stage::point_culling] = a.point_culling;
   o.enabled[mapping_stage::search] = a.search;
@@ -86,9 +87,8 @@ class replayer {
         store_(recorded_store_options(recording.meta)),
         world_(recording, arguments.adjustment),
         tracker_(ctx_, rig_, recording.meta.pyramid(), arguments.correlation(recording.is_simulated())),
-        adjustment_(ctx_, {rig_.data(), static_cast<int>(rig_.size())}),
         judge_(recording, ctx_),
-        mapper_(ctx_, world_.map(), store_, mapper_options(recording.meta, arguments), hooks()) {}
+        mapper_(ctx_, world_.map(), store_, mapper_options(recording.meta, arguments, recording.is_simulated()), hooks()) {}
   replayer(const replayer&) = delete;
   replayer& operator=(const replayer&) = delete;
 
@@ -132,10 +132,8 @@ class replayer {
     }
     mapper_.watch(world_.create(i));
     world_.count_tracking(i);
-    adjusted_ = {};
     row.insertion_ms = now_ms() - begin;
     row.report = mapper_.process(keyframe);
-    row.adjustment = adjusted_;
     row.total_ms = row.insertion_ms;
     for (const double ms : row.report.ms.values) row.total_ms += ms;
     clock_ms_ += row.total_ms;
@@ -151,9 +149,6 @@ class replayer {
 
   turbomap::local_mapper_hooks<map_type> hooks() {
     turbomap::local_mapper_hooks<map_type> hooks;
-    hooks.adjust = [this](map_type& map, turbomap::map_keyframe_id k, double time_left_ms) {
-      adjust(map, k, time_left_ms);
-    };
     hooks.erasing = [this](turbomap::map_keyframe_id k) { world_.remember(k); };
     if (arguments_.queue)
       hooks.keyframes_wait = [this] {
@@ -166,21 +161,11 @@ class replayer {
       };
     return hooks;
   }
-  void adjust(map_type& map, turbomap::map_keyframe_id k, double time_left_ms) {
-    turbomap::local_adjustment_options options;
-    options.scales = recording_.meta.pyramid();
-    options.solve.numbers = arguments_.precision();
-    options.stereo_correlation = arguments_.correlation(recording_.is_simulated());
-    if (std::isfinite(time_left_ms)) options.solve.time_budget_ms = time_left_ms;
-    adjusted_ = adjustment_(ctx_, map, k, options, held_);
-    mapper_.update_geometry(turbomap::span<const turbomap::map_point_id>(adjustment_.points()));
-    mapper_.update_appearance(turbomap::span<const turbomap::map_point_id>(adjustment_.points_that_lost_views()));
-  }
   void judge() {
     std::vector<std::int32_t> keyframes;
-    for (const std::uint64_t id : mapper_.matching().selection().ids())
+    for (const std::uint64_t id : mapper_.last_search().selection().ids())
       keyframes.push_back(static_cast<std::int32_t>(id));  // ids ascend as the keyframes of the log do
-    judge_(mapper_.matching(), keyframes, mapper_.options().search, arguments_.check);
+    judge_(mapper_.last_search(), keyframes, mapper_.options().search, arguments_.check);
   }
 
   const turbomap::recording& recording_;
@@ -190,9 +175,6 @@ class replayer {
   turbomap::keyframe_store<orb, Camera, turbomap::memory_of_t<Policy>> store_;
   world world_;
   pose_tracker<map_type, Policy> tracker_;
-  turbomap::local_adjustment<map_type, Policy> adjustment_;
-  turbomap::local_adjustment_summary adjusted_;
-  turbomap::guard_times held_;  ///< by adjustments
   match_judge<map_type, Policy> judge_;
   turbomap::local_mapper<map_type, Policy> mapper_;
   replay_result result_;

@@ -25,7 +25,7 @@ struct match_verdict {
 template <class Map, class Policy>
 class match_judge {
  public:
-  using matching = turbomap::neighbour_matching<Map, Policy>;
+  using matching = turbomap::neighbour_search<Map, Policy>;
   using plan_type = typename matching::matches_type::plan_type;
 
   match_judge(const turbomap::recording& recording, turbomap::context<Policy>& ctx)
@@ -41,7 +41,7 @@ class match_judge {
     if (!compare || keyframes.size() < 2) return;
     const auto search = [&](turbomap::candidates set) {
       options.candidate_set = set;
-      found.search_again(ctx_, options, again_);
+      found.compute_again(ctx_, options, again_);
       return again_.plan(ctx_);
     };
     const plan_type exhaustive = search(turbomap::candidates::exhaustive);

@@ -12,6 +12,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <turbomap/mapping/duration_statistics.hpp>
 #include <turbomap/mapping/mapping_report.hpp>
 
 namespace turbomap_replay {

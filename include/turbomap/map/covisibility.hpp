@@ -82,7 +82,7 @@ class covisibility {
     observer_numbers_.clear(), counted_.clear();
     observers_.assign(1, query), shared_.assign(1, 0), last_point_.assign(1, 0);
     observer_numbers_.place(map, query);
-    const std::size_t keypoints = traits::keypoint_count(map, query);
+    const std::size_t keypoints = keypoint_count_of(map, query);
     for (std::size_t i = 0; i < keypoints; ++i) {
       const auto point = traits::point_at(map, query, i);
       if (point == typename traits::point{} || !traits::alive(map, point)) continue;

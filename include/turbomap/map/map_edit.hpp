@@ -18,26 +18,8 @@
 #include "../config.hpp"
 #include "../math/strict.hpp"
 #include "map_traits.hpp"
+#include "merge_rule.hpp"
 #include "observation_counts.hpp"
-
-namespace turbomap {
-
-/// What becomes of a merge of two points that one camera of a keyframe sees at two different keypoints.
-enum class merge_rule : std::uint8_t {
-  refuse,  ///< they are two points: nothing is changed, nothing is lost
-  drop,    ///< the keypoint of the point that goes is left without a point, as the recorded peer does
-  refuse_apart  ///< refuse, if a pair of such keypoints is farther apart than their noise; else drop: detectors find one corner
-                ///< in several octaves
-};
-
-/// When two keypoints of an image may be one: squared distance <= chi2 (sigma2 of one + sigma2 of the other),
-/// sigma2 = scale_factor^(2 octave) px^2.
-struct merge_tolerance {
-  double chi2 = 5.991;  ///< 95 %, 2 dof
-  float scale_factor = pyramid{}.scale_factor;
-};
-
-}  // namespace turbomap
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -83,7 +65,7 @@ bool observe(Map& map, typename map_traits<Map>::point point, typename map_trait
              std::size_t keypoint) {
   using traits = map_traits<Map>;
   if (!(traits::point_at(map, keyframe, keypoint) == typename traits::point{})) return false;
-  const auto k = traits::keypoint(map, keyframe, keypoint);
+  const auto k = keypoint_of(map, keyframe, keypoint);
   if (observed_at(map, point, keyframe, k.camera) >= 0) return false;
   const int before = finest_octave(map, point, keyframe);
   traits::add_observation(map, point, keyframe, keypoint);
@@ -154,7 +136,7 @@ bool move_observation(Map& map, typename map_traits<Map>::keyframe keyframe, std
   using traits = map_traits<Map>;
   const typename traits::point none{}, point = traits::point_at(map, keyframe, from);
   if (point == none || !(traits::point_at(map, keyframe, to) == none)) return false;
-  const auto other = observed_at(map, point, keyframe, traits::keypoint(map, keyframe, to).camera);
+  const auto other = observed_at(map, point, keyframe, keypoint_of(map, keyframe, to).camera);
   if (other >= 0 && static_cast<std::size_t>(other) != from) return false;
   const int before = finest_octave(map, point, keyframe);
   traits::erase_observation(map, point, keyframe, from);
@@ -171,7 +153,7 @@ bool seen_apart(const Map& map, typename map_traits<Map>::point a, typename map_
   using traits = map_traits<Map>;
   bool apart = false;
   traits::for_each_observation(map, a, [&](typename traits::keyframe observer, std::size_t keypoint) {
-    apart = apart || observed_at(map, b, observer, traits::keypoint(map, observer, keypoint).camera) >= 0;
+    apart = apart || observed_at(map, b, observer, keypoint_of(map, observer, keypoint).camera) >= 0;
   });
   return apart;
 }
@@ -189,10 +171,10 @@ bool seen_apart(const Map& map, typename map_traits<Map>::point a, typename map_
   };
   bool apart = false;
   traits::for_each_observation(map, a, [&](typename traits::keyframe observer, std::size_t keypoint) {
-    const auto& k = traits::keypoint(map, observer, keypoint);
+    const auto& k = keypoint_of(map, observer, keypoint);
     const auto other = observed_at(map, b, observer, k.camera);
     if (other < 0) return;
-    const auto& o = traits::keypoint(map, observer, static_cast<std::size_t>(other));
+    const auto& o = keypoint_of(map, observer, static_cast<std::size_t>(other));
     const S dx(static_cast<double>(k.x) - static_cast<double>(o.x));
     const S dy(static_cast<double>(k.y) - static_cast<double>(o.y));
     apart = apart || !(dx * dx + dy * dy <= S(tolerance.chi2) * (sigma2(k.octave) + sigma2(o.octave)));
@@ -228,7 +210,7 @@ template <class Map>
 void erase_keyframe(Map& map, typename map_traits<Map>::keyframe keyframe, int fewest = 2,
                     std::vector<typename map_traits<Map>::point>* touched = nullptr) {
   using traits = map_traits<Map>;
-  const std::size_t count = traits::keypoint_count(map, keyframe);
+  const std::size_t count = keypoint_count_of(map, keyframe);
   for (std::size_t i = 0; i < count; ++i) {
     const auto point = traits::point_at(map, keyframe, i);
     if (point == typename traits::point{}) continue;

@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// How the library reads and changes the user's map, whatever it is: a small struct that he specialises once.
+/// How the library reads and changes the user's map, whatever it is: a small struct that they specialise once.
 ///
 /// This is the interface, as code. A specialisation has static members only; they run on the host, under the guard below.
 /// Reads may be called at any time; writes are called by commits only, one after the other, and must not throw: everything
@@ -21,8 +21,9 @@
 ///       static std::uint64_t id(const my::Map&, keyframe);            // unique; ascends in order of insertion
 ///       static bool alive(const my::Map&, keyframe);                  // in the map, not bad
 ///       static turbomap::rigid_transform<double> pose(const my::Map&, keyframe);  // T_cw, world to body
-///       static std::size_t keypoint_count(const my::Map&, keyframe);
-///       static turbomap::keypoint keypoint(const my::Map&, keyframe, std::size_t i);
+///       static std::size_t keypoint_count(const my::Map&, keyframe);  // this and the next one are not needed where a
+///       static turbomap::keypoint keypoint(const my::Map&, keyframe, std::size_t i);  // keyframe is named by a pointer
+///                                                                     // to a type that has keyframe_traits
 ///       static point point_at(const my::Map&, keyframe, std::size_t i);           // the slot: point{} holds none
 ///
 ///       // Points
@@ -60,7 +61,6 @@
 ///       static float found_ratio(const my::Map&, point);              // found / visible in tracking; else taken as 1
 ///       static bool may_erase(const my::Map&, keyframe);              // false: culling leaves it (the first one, ...)
 ///       static bool is_origin(const my::Map&, keyframe);              // adjustments hold it: the frame of reference
-///       static int first_camera(const my::Map&, keyframe);            // of the rig that adjustments get; else 0
 ///       static double time(const my::Map&, keyframe);                 // s: temporal guards of inertial systems,
 ///       static keyframe previous(const my::Map&, keyframe);           //    with these two; keyframe{} at the ends
 ///       static keyframe next(const my::Map&, keyframe);
@@ -117,11 +117,13 @@ using map_keyframe_member = std::void_t<
     if_converts<decltype(T::id(std::declval<const M&>(), std::declval<keyframe_of<T>>())), std::uint64_t>,
     if_converts<decltype(T::alive(std::declval<const M&>(), std::declval<keyframe_of<T>>())), bool>,
     decltype(T::pose(std::declval<const M&>(), std::declval<keyframe_of<T>>()).qw),
-    if_converts<decltype(T::keypoint_count(std::declval<const M&>(), std::declval<keyframe_of<T>>())), std::size_t>,
-    if_converts<decltype(T::keypoint(std::declval<const M&>(), std::declval<keyframe_of<T>>(), std::size_t{})),
-                turbomap::keypoint>,
     if_converts<decltype(T::point_at(std::declval<const M&>(), std::declval<keyframe_of<T>>(), std::size_t{})),
                 point_of<T>>>;
+template <class M, class T>
+using map_keypoint_member = std::void_t<
+    if_converts<decltype(T::keypoint_count(std::declval<const M&>(), std::declval<keyframe_of<T>>())), std::size_t>,
+    if_converts<decltype(T::keypoint(std::declval<const M&>(), std::declval<keyframe_of<T>>(), std::size_t{})),
+                turbomap::keypoint>>;
 template <class M, class T>
 using map_point_member = std::void_t<
     if_converts<decltype(T::id(std::declval<const M&>(), std::declval<point_of<T>>())), std::uint64_t>,
@@ -182,13 +184,31 @@ using map_all_member = std::void_t<decltype(T::for_each_keyframe(std::declval<co
 template <class Map, template <class, class> class Member>
 inline constexpr bool map_has_v = has_member<Member, Map, map_traits<Map>>::value;
 
+/// What *name is, for names that are pointers of any kind; void for others.
+template <class Name, class = void>
+struct pointee {
+  using type = void;
+};
+template <class Name>
+struct pointee<Name, std::void_t<decltype(*std::declval<const Name&>())>> {
+  using type = std::decay_t<decltype(*std::declval<const Name&>())>;
+};
+/// Whether keyframe_traits of what a keyframe's name points to describe its keypoints.
+template <class M, class T>
+using keypoints_by_keyframe_traits =
+    std::enable_if_t<has_keyframe_traits_v<typename pointee<keyframe_of<T>>::type>>;
+template <class Map>
+inline constexpr bool describes_keypoints_v =
+    map_has_v<Map, map_keypoint_member> || map_has_v<Map, keypoints_by_keyframe_traits>;
+
 }  // namespace detail
 
 /// True when map_traits<Map> has every required member.
 template <class Map>
 inline constexpr bool has_map_traits_v =
     detail::has_members_v<Map, map_traits<Map>, detail::map_names_member, detail::map_keyframe_member,
-                          detail::map_point_member, detail::map_observations_member, detail::map_write_member>;
+                          detail::map_point_member, detail::map_observations_member, detail::map_write_member> &&
+    detail::describes_keypoints_v<Map>;
 
 /// Explains in words what map_traits<Map> lacks: `static_assert(require_map_traits<Map>());`.
 template <class Map>
@@ -205,8 +225,10 @@ constexpr bool require_map_traits() {
   if constexpr (named) {
     static_assert(
         detail::has_member<detail::map_keyframe_member, M, T>::value,
-        "turbomap: map_traits lacks one of the reads of a keyframe: id, alive, pose, keypoint_count, keypoint, "
-        "point_at; see docs/map.md");
+        "turbomap: map_traits lacks one of the reads of a keyframe: id, alive, pose, point_at; see docs/map.md");
+    static_assert(detail::describes_keypoints_v<Map>,
+                  "turbomap: map_traits needs keypoint_count and keypoint, unless a keyframe is named by a pointer to a "
+                  "type with keyframe_traits; see docs/map.md");
     static_assert(detail::has_member<detail::map_point_member, M, T>::value,
                   "turbomap: map_traits lacks one of the reads of a point: id, alive, replacement, position, normal, "
                   "min_distance, max_distance, descriptor_data, reference; see docs/map.md");
@@ -219,6 +241,28 @@ constexpr bool require_map_traits() {
                   "add_observation, erase_observation, retire, erase_keyframe; see docs/map.md");
   }
   return has_map_traits_v<Map>;
+}
+
+/// The number of keypoints of a keyframe: by map_traits, or by keyframe_traits of what its name points to.
+template <class Map>
+std::size_t keypoint_count_of([[maybe_unused]] const Map& map, const typename map_traits<Map>::keyframe& keyframe) {
+  if constexpr (detail::map_has_v<Map, detail::map_keypoint_member>) {
+    return map_traits<Map>::keypoint_count(map, keyframe);
+  } else {
+    using described = typename detail::pointee<typename map_traits<Map>::keyframe>::type;
+    return keyframe_traits<described>::keypoint_count(*keyframe);
+  }
+}
+/// One keypoint of a keyframe, in the same way: by value or reference, as the traits give it.
+template <class Map>
+decltype(auto) keypoint_of([[maybe_unused]] const Map& map, const typename map_traits<Map>::keyframe& keyframe,
+                           std::size_t i) {
+  if constexpr (detail::map_has_v<Map, detail::map_keypoint_member>) {
+    return map_traits<Map>::keypoint(map, keyframe, i);
+  } else {
+    using described = typename detail::pointee<typename map_traits<Map>::keyframe>::type;
+    return keyframe_traits<described>::keypoint(*keyframe, i);
+  }
 }
 
 /// The pose of a keyframe in double, whatever scalar the map has.

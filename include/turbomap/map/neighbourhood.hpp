@@ -13,20 +13,8 @@
 #include "../error.hpp"
 #include "covisibility.hpp"
 #include "map_traits.hpp"
+#include "neighbourhood_options.hpp"
 #include "numbering.hpp"
-
-namespace turbomap {
-
-/// Options of the neighbourhood. Defaults are those of [ORB-SLAM3]. None may be negative; 0 keyframes means none.
-struct neighbourhood_options {
-  int min_shared_points = 15;   ///< keyframes that share fewer are not covisible, unless no other is
-  int neighbours = 10;          ///< best covisible keyframes; 30 without stereo depth
-  int temporal_neighbours = 0;  ///< predecessors in time are added while there are fewer; 11 for inertial systems
-  int second_neighbours = 20;   ///< duplicates are also looked for in so many covisible keyframes of each neighbour
-  int temporal_targets = 0;     ///< predecessors in time are added while there are fewer targets; 20 inertial
-};
-
-}  // namespace turbomap
 
 TURBOMAP_BEGIN_NAMESPACE
 

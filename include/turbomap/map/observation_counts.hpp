@@ -7,12 +7,12 @@
 /// counts once in the octaves, at the finest at which any camera of its rig sees the point. map_edit.hpp keeps the counts
 /// with every observation added, moved or erased; recount() says from nothing what they must be.
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
 
 #include "../config.hpp"
+#include "../culling/redundancy.hpp"
 #include "map_traits.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -25,7 +25,7 @@ int finest_octave(const Map& map, typename map_traits<Map>::point point, typenam
   int finest = -1;
   traits::for_each_observation(map, point, [&](typename traits::keyframe observer, std::size_t keypoint) {
     if (!(observer == keyframe) || keypoint == except) return;
-    const int octave = traits::keypoint(map, observer, keypoint).octave;
+    const int octave = keypoint_of(map, observer, keypoint).octave;
     if (finest < 0 || octave < finest) finest = octave;
   });
   return finest;
@@ -38,7 +38,7 @@ std::ptrdiff_t observed_at(const Map& map, typename map_traits<Map>::point point
   using traits = map_traits<Map>;
   std::ptrdiff_t found = -1;
   traits::for_each_observation(map, point, [&](typename traits::keyframe observer, std::size_t keypoint) {
-    if (observer == keyframe && traits::keypoint(map, observer, keypoint).camera == camera)
+    if (observer == keyframe && keypoint_of(map, observer, keypoint).camera == camera)
       found = static_cast<std::ptrdiff_t>(keypoint);
   });
   return found;
@@ -52,14 +52,14 @@ void recount(const Map& map, typename map_traits<Map>::point point, std::vector<
   using traits = map_traits<Map>;
   counts.assign(octaves, 0);
   traits::for_each_observation(map, point, [&](typename traits::keyframe observer, std::size_t keypoint) {
-    const int octave = traits::keypoint(map, observer, keypoint).octave;
+    const int octave = keypoint_of(map, observer, keypoint).octave;
     const int other = finest_octave(map, point, observer, keypoint);
     // Of a rig's views the finest counts; of equal ones that with the lowest keypoint.
     if (other >= 0 && other < octave) return;
     if (other == octave) {
       bool first = true;
       traits::for_each_observation(map, point, [&](typename traits::keyframe k, std::size_t i) {
-        first = first && !(k == observer && i < keypoint && traits::keypoint(map, k, i).octave == octave);
+        first = first && !(k == observer && i < keypoint && keypoint_of(map, k, i).octave == octave);
       });
       if (!first) return;
     }
@@ -77,21 +77,13 @@ inline constexpr bool counts_octaves_v = detail::map_has_v<Map, detail::map_coun
 template <class Map>
 std::uint32_t observers_up_to(const Map& map, typename map_traits<Map>::point point, int octave, std::uint32_t enough,
                               [[maybe_unused]] std::vector<std::uint32_t>& scratch) {
-  std::uint32_t sum = 0;
-  const auto add = [&](const auto& counts) {
-    const std::size_t end = std::min(counts.size(), static_cast<std::size_t>(octave) + 1);
-    std::size_t o = 0;  // four at a time: where a loop ends that depends on an octave is hard to predict
-    for (; o + 4 <= end && sum < enough; o += 4) sum += counts[o] + counts[o + 1] + counts[o + 2] + counts[o + 3];
-    if (sum >= enough) return;
-    for (; o < end; ++o) sum += counts[o];
-  };
   if constexpr (counts_octaves_v<Map>) {
-    add(map_traits<Map>::octave_counts(map, point));
+    const auto& counts = map_traits<Map>::octave_counts(map, point);
+    return count_up_to({counts.data(), counts.size()}, octave, enough);
   } else {
     recount(map, point, scratch);
-    add(scratch);
+    return count_up_to(scratch, octave, enough);
   }
-  return sum;
 }
 
 /// The number of measurements of a point: a stereo keypoint (u_right >= 0) is two, every other view one [ORB-SLAM3]. O(views).
@@ -100,7 +92,7 @@ int measurement_count(const Map& map, typename map_traits<Map>::point point) {
   using traits = map_traits<Map>;
   int count = 0;
   traits::for_each_observation(map, point, [&](typename traits::keyframe observer, std::size_t keypoint) {
-    count += traits::keypoint(map, observer, keypoint).u_right >= 0 ? 2 : 1;
+    count += keypoint_of(map, observer, keypoint).u_right >= 0 ? 2 : 1;
   });
   return count;
 }

@@ -92,14 +92,14 @@ bool check_observations(const Map& map, typename map_traits<Map>::point point, R
       readable = false;
       return;
     }
-    if (i >= traits::keypoint_count(map, k)) {
+    if (i >= keypoint_count_of(map, k)) {
       fault(map_fault::keypoint_out_of_range);
       readable = false;
       return;
     }
     if (!(traits::point_at(map, k, i) == point)) fault(map_fault::observation_without_slot);
     if constexpr (counts_octaves_v<Map>) {
-      if (traits::keypoint(map, k, i).octave >= traits::octave_counts(map, point).size()) {
+      if (keypoint_of(map, k, i).octave >= traits::octave_counts(map, point).size()) {
         fault(map_fault::octave_out_of_range);
         readable = false;
       }
@@ -116,11 +116,11 @@ void check_point(const Map& map, typename map_traits<Map>::point point, Report r
   const std::uint64_t id = traits::id(map, point);
   std::size_t place = 0;
   traits::for_each_observation(map, point, [&](typename traits::keyframe k, std::size_t i) {
-    const int camera = traits::keypoint(map, k, i).camera;
+    const int camera = keypoint_of(map, k, i).camera;
     bool twice = false;
     std::size_t other = 0;
     traits::for_each_observation(map, point, [&](typename traits::keyframe l, std::size_t j) {
-      twice = twice || (other++ > place && l == k && traits::keypoint(map, l, j).camera == camera);
+      twice = twice || (other++ > place && l == k && keypoint_of(map, l, j).camera == camera);
     });
     if (twice) report(map_violation{map_fault::seen_twice_by_camera, traits::id(map, k), id, i});
     ++place;
@@ -166,7 +166,7 @@ std::vector<map_violation> validate(const Map& map) {
   const auto report = [&](const map_violation& v) { faults.push_back(v); };
   traits::for_each_keyframe(map, [&](typename traits::keyframe k) {
     if (!traits::alive(map, k)) return;
-    for (std::size_t i = 0; i < traits::keypoint_count(map, k); ++i) detail::check_slot(map, k, i, report);
+    for (std::size_t i = 0; i < keypoint_count_of(map, k); ++i) detail::check_slot(map, k, i, report);
   });
   traits::for_each_point(map, [&](typename traits::point p) {
     if (traits::alive(map, p)) detail::check_point(map, p, report);
@@ -190,7 +190,7 @@ void require_consistent_slot(const Map& map, typename map_traits<Map>::keyframe 
 template <class Map>
 void require_consistent_keyframe(const Map& map, typename map_traits<Map>::keyframe keyframe) {
   using traits = map_traits<Map>;
-  const std::size_t keypoints = traits::keypoint_count(map, keyframe);
+  const std::size_t keypoints = keypoint_count_of(map, keyframe);
   for (std::size_t i = 0; i < keypoints; ++i) {
     require_consistent_slot(map, keyframe, i);
     const auto point = traits::point_at(map, keyframe, i);

@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// Brings descriptor, normal and distance range of map points up to date with their observations, on the user's map: gathers
-/// under the guard, computes in the memory of the policy, commits under the guard.
+/// The stage that brings descriptor, normal and distance range of map points up to date with their observations. Which
+/// points are due is the caller's to know: whoever adds, moves or takes away an observation, or moves a point.
 
 #include <algorithm>
 #include <cstddef>
@@ -13,18 +13,15 @@
 
 #include "../appearance/update_appearance.hpp"
 #include "../config.hpp"
-#include "../context.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/numbering.hpp"
 #include "../map/validate.hpp"
-#include "../store/keyframe_store.hpp"
-#include "handle_table.hpp"
 #include "keyframe_selection.hpp"
-#include "timed_guard.hpp"
+#include "stage.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// update_appearance() on a user's map. Make one and use it again: its memory is reused.
+/// update_appearance() on a user's map. Of one context.
 template <class Map, class Policy>
 class appearance_update {
  public:
@@ -33,9 +30,9 @@ class appearance_update {
   using keyframe = typename traits::keyframe;
   using descriptor = typename traits::descriptor;
   using camera = typename traits::camera;
-  using store_type = keyframe_store<descriptor, camera, memory_of_t<Policy>>;
+  using scope = mapping_scope<Map, Policy>;
 
-  explicit appearance_update(const context<Policy>& ctx) : updates_(ctx) {}
+  explicit appearance_update(const context<Policy>& ctx) : appearances_(ctx) {}
 
   /// \param points  those to be updated; dead ones, unobserved ones and repetitions are passed over, and so are observers
   ///                that are not in the store
@@ -43,34 +40,44 @@ class appearance_update {
   /// \throws inconsistent_map  a view by a keyframe or keypoint that is not there; std::invalid_argument: a position that is
   ///         not finite. No point is changed
   /// A point whose position or observations change meanwhile keeps what fits the snapshot; whoever changed it updates it.
-  std::size_t operator()(context<Policy>& ctx, Map& map, store_type& store, const handle_table& stored,
-                         span<const point> points, const appearance_options& options, guard_times& held) {
-    {
-      const timed_guard<Map> guard(map, held);
-      gather(map, stored, points);
-    }
+  std::size_t operator()(const scope& s, span<const point> points, const appearance_options& options) {
+    snapshot(s, points);
     if (points_.empty()) return 0;
-    const auto pinned = store.pin(ctx, span<const keyframe_handle>(observers_.handles()));
+    compute(s, options);
+    commit(s, options);
+    return points_.size();
+  }
+
+  /// Positions and observations of the points, and poses of all their observers.
+  void snapshot(const scope& s, span<const point> points) {
+    const auto guard = s.guard();
+    gather(s.map, s.stored, points);
+  }
+  /// Throws what update_appearance() throws.
+  void compute(const scope& s, const appearance_options& options) {
+    const auto pinned = s.store.pin(s.ctx, span<const keyframe_handle>(observers_.handles()));
     posed_.clear();
     for (std::size_t k = 0; k < observers_.size(); ++k) posed_.push_back({pinned[k], observers_.T_cw()[k], {}});
     const appearance_view view{static_cast<int>(points_.size()), positions_.data(), offsets_.data(),
                                observations_.data(), references_.data()};
-    update_appearance(ctx, view, span<const posed_keyframe<descriptor, camera>>(posed_), options, updates_);
-    updates_.plan(ctx, updated_, descriptors_);
-    const timed_guard<Map> guard(map, held);
+    update_appearance(s.ctx, view, span<const posed_keyframe<descriptor, camera>>(posed_), options, appearances_);
+    appearances_.plan(s.ctx, updated_, descriptors_);
+  }
+  /// Writes what was computed to the points that are alive yet.
+  void commit(const scope& s, const appearance_options& options) {
+    const auto guard = s.guard();
     for (std::size_t i = 0; i < points_.size(); ++i) {
       const point p = points_[i];
-      if (!traits::alive(map, p)) continue;
+      if (!traits::alive(s.map, p)) continue;
       point_appearance& u = updated_[i];
       if (!options.geometry)
-        u.normal = traits::normal(map, p), u.min_distance = traits::min_distance(map, p),
-        u.max_distance = traits::max_distance(map, p);
-      traits::set_appearance(map, p, u.normal, u.min_distance, u.max_distance,
+        u.normal = traits::normal(s.map, p), u.min_distance = traits::min_distance(s.map, p),
+        u.max_distance = traits::max_distance(s.map, p);
+      traits::set_appearance(s.map, p, u.normal, u.min_distance, u.max_distance,
                              options.descriptors
                                  ? descriptors_.data() + i * static_cast<std::size_t>(descriptor::elements)
-                                 : traits::descriptor_data(map, p));
+                                 : traits::descriptor_data(s.map, p));
     }
-    return points_.size();
   }
 
  private:
@@ -92,7 +99,7 @@ class appearance_update {
       traits::for_each_observation(map, p, [&](keyframe k, std::size_t i) {
         if (k == keyframe{} || !traits::alive(map, k))
           throw inconsistent_map({map_fault::observer_not_alive, 0, traits::id(map, p), i});
-        if (i >= traits::keypoint_count(map, k))
+        if (i >= keypoint_count_of(map, k))
           throw inconsistent_map({map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, p), i});
         views_.push_back({traits::id(map, k), i, k});
       });
@@ -121,7 +128,7 @@ class appearance_update {
     }
   }
 
-  appearances<descriptor, camera, Policy> updates_;
+  appearances<descriptor, camera, Policy> appearances_;
   point_numbering<Map> seen_;
   keyframe_selection<Map> observers_;
   std::vector<view_of_point> views_;

@@ -40,7 +40,7 @@ void commit_points(Map& map, span<const created_point> plan,
           "must be that of the plan, or 0");
   if (!traits::alive(map, query)) return;
   const auto check = [&](typename traits::keyframe keyframe, std::int32_t keypoint, const char* argument) {
-    require(keypoint >= 0 && static_cast<std::size_t>(keypoint) < traits::keypoint_count(map, keyframe), argument,
+    require(keypoint >= 0 && static_cast<std::size_t>(keypoint) < keypoint_count_of(map, keyframe), argument,
             keypoint, "is not a keypoint of the keyframe");
     require_consistent_slot(map, keyframe, static_cast<std::size_t>(keypoint));
   };

@@ -3,46 +3,28 @@
 #pragma once
 
 /// \file
-/// Duplicates of a keyframe's neighbourhood, found and fused on the user's map [TurboMap §IV-D]: snapshot, search, commit;
-/// first the keyframe's points in every target, then, on the map that this left, the targets' points in the keyframe.
+/// The stage that finds and fuses duplicate points of a keyframe's neighbourhood [TurboMap §IV-D]. Two keyframes may have
+/// made two points of one landmark. First the points of the keyframe are searched in every target; then, on the map that
+/// this left, the points of the targets in the keyframe. A point that is found at a keypoint gains an observation there, or
+/// is merged with the point that the keypoint sees.
 
 #include <cstddef>
 #include <cstdint>
 #include <vector>
 
 #include "../config.hpp"
-#include "../context.hpp"
 #include "../fusion/duplicate_search.hpp"
 #include "../map/map_traits.hpp"
-#include "../store/keyframe_store.hpp"
 #include "appearance_update.hpp"
 #include "duplicate_snapshot.hpp"
 #include "fusion_commit.hpp"
-#include "handle_table.hpp"
+#include "fusion_options.hpp"
 #include "keyframe_selection.hpp"
-#include "timed_guard.hpp"
-
-namespace turbomap {
-
-/// When searches see what commits did.
-enum class fusion_mode : std::uint8_t {
-  snapshot,  ///< one search and one commit a pass
-  serial_exact  ///< camera by camera, target by target: each search sees the commit before it, and survivors of merges have
-                ///< their new descriptors at once [ORB-SLAM3]. Many small calls: for comparisons
-};
-
-/// Options of duplicate_fusion.
-struct fusion_options {
-  fusion_mode mode = fusion_mode::snapshot;
-  duplicate_options search;
-  fusion_commit_options commit;
-};
-
-}  // namespace turbomap
+#include "stage.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Make one and use it for every keyframe: its memory is reused. Of one context.
+/// find_duplicates() and its commit on a user's map. Of one context.
 template <class Map, class Policy>
 class duplicate_fusion {
  public:
@@ -51,7 +33,7 @@ class duplicate_fusion {
   using point = typename traits::point;
   using descriptor = typename traits::descriptor;
   using camera = typename traits::camera;
-  using store_type = keyframe_store<descriptor, camera, memory_of_t<Policy>>;
+  using scope = mapping_scope<Map, Policy>;
 
   explicit duplicate_fusion(const context<Policy>& ctx) : duplicates_(ctx), appearance_(ctx) {}
 
@@ -59,85 +41,99 @@ class duplicate_fusion {
   /// \param targets  none of them the query; dead ones are passed over
   /// \throws std::invalid_argument  a keyframe that is not in the store, an option out of range, a map that contradicts
   ///         itself (inconsistent_map): in snapshot mode the map is then as it was
-  fusion_summary forward(context<Policy>& ctx, Map& map, store_type& store, const handle_table& stored, keyframe query,
-                         span<const keyframe> targets, const fusion_options& options, guard_times& held) {
-    return pass(ctx, map, store, stored, span<const keyframe>(&query, 1), targets, options, held);
+  fusion_summary forward(const scope& s, keyframe query, span<const keyframe> targets, const fusion_options& options) {
+    return pass(s, span<const keyframe>(&query, 1), targets, options);
   }
   /// The points of all targets, each once, in `query`.
-  fusion_summary backward(context<Policy>& ctx, Map& map, store_type& store, const handle_table& stored, keyframe query,
-                          span<const keyframe> targets, const fusion_options& options, guard_times& held) {
-    return pass(ctx, map, store, stored, targets, span<const keyframe>(&query, 1), options, held);
+  fusion_summary backward(const scope& s, keyframe query, span<const keyframe> targets, const fusion_options& options) {
+    return pass(s, targets, span<const keyframe>(&query, 1), options);
   }
   /// Points that gained observations since begin(): their appearance is due.
   const std::vector<point>& touched() const { return commit_.touched(); }
   void begin() { commit_.clear(); }
 
  private:
-  fusion_summary pass(context<Policy>& ctx, Map& map, store_type& store, const handle_table& stored,
-                      span<const keyframe> sources, span<const keyframe> targets, const fusion_options& options,
-                      guard_times& held) {
+  static constexpr int all_cameras = -1;
+
+  fusion_summary pass(const scope& s, span<const keyframe> sources, span<const keyframe> targets,
+                      const fusion_options& options) {
+    if (options.mode == fusion_mode::serial_exact) return serial_pass(s, sources, targets, options);
     {
-      const timed_guard<Map> guard(map, held);
-      snapshot_.clear();
-      for (const keyframe k : sources)
-        if (traits::alive(map, k)) snapshot_.add_points_of(map, k);
-      if (options.mode == fusion_mode::snapshot) take(map, stored, targets);
+      const auto guard = s.guard();
+      snapshot_points(s, sources);
+      snapshot_targets(s, targets);
     }
-    if (options.mode == fusion_mode::snapshot) return search_and_commit(ctx, map, store, -1, options, held);
+    compute(s, all_cameras, options.search);
+    return commit(s, options.commit);
+  }
+
+  /// The list of points is that of the start; the points are as they are by then.
+  fusion_summary serial_pass(const scope& s, span<const keyframe> sources, span<const keyframe> targets,
+                             const fusion_options& options) {
+    {
+      const auto guard = s.guard();
+      snapshot_points(s, sources);
+    }
+    const std::vector<point> points = snapshot_.points();
     fusion_summary summary;
-    const std::vector<point> points =
-        snapshot_.points();  // the list is that of the start, its points are as they are by then
     for (const keyframe target : targets) {
       int cameras = 1;
       for (int c = 0; c < cameras; ++c) {
         const std::size_t survivors = commit_.survivors().size();
         {
-          const timed_guard<Map> guard(map, held);
+          const auto guard = s.guard();
           snapshot_.clear();
-          for (const point p : points) snapshot_.add_point(map, p);
-          take(map, stored, span<const keyframe>(&target, 1));
+          for (const point p : points) snapshot_.add_point(s.map, p);
+          snapshot_targets(s, span<const keyframe>(&target, 1));
         }
-        summary += search_and_commit(ctx, map, store, c, options, held);
+        compute(s, c, options.search);
+        summary += commit(s, options.commit);
         cameras = targets_.size() == 0 ? 1 : cameras_[0];
         appearance_options update;
         update.geometry = false;  // normals and ranges at the end, with those of all touched points
-        appearance_(ctx, map, store, stored,
-                    span<const point>(commit_.survivors().data() + survivors, commit_.survivors().size() - survivors),
-                    update, held);
+        appearance_(
+            s, span<const point>(commit_.survivors().data() + survivors, commit_.survivors().size() - survivors),
+            update);
       }
     }
     return summary;
   }
 
-  /// Live targets with their poses, and which of them see the points.
-  void take(const Map& map, const handle_table& stored, span<const keyframe> targets) {
+  /// The live points of live keyframes. The caller holds the guard.
+  void snapshot_points(const scope& s, span<const keyframe> sources) {
+    snapshot_.clear();
+    for (const keyframe k : sources)
+      if (traits::alive(s.map, k)) snapshot_.add_points_of(s.map, k);
+  }
+  /// Live targets with their poses, and which of them see the points. The caller holds the guard.
+  void snapshot_targets(const scope& s, span<const keyframe> targets) {
     targets_.clear();
     for (const keyframe k : targets)
-      if (traits::alive(map, k)) targets_.place(map, k, stored);
-    snapshot_.note_observed(map, targets_);
+      if (traits::alive(s.map, k)) targets_.place(s.map, k, s.stored);
+    snapshot_.note_observed(s.map, targets_);
   }
 
-  /// \param only_camera  of every target; -1: all cameras
-  fusion_summary search_and_commit(context<Policy>& ctx, Map& map, store_type& store, int only_camera,
-                                   const fusion_options& options, guard_times& held) {
-    {
-      const auto pinned = store.pin(ctx, span<const keyframe_handle>(targets_.handles()));
-      cameras_.clear();
-      for (std::size_t t = 0; t < targets_.size(); ++t) cameras_.push_back(pinned[t].camera_count);
-      snapshot_.mark_observed(cameras_);
-      if (only_camera >= 0)
-        for (std::size_t t = 0; t < targets_.size(); ++t)
-          snapshot_.leave_out_other_cameras(t, cameras_[t], only_camera);
-      call_.clear();
+  /// Searches the points in the targets. \param only_camera  of every target, or all_cameras
+  void compute(const scope& s, int only_camera, const duplicate_options& options) {
+    const auto pinned = s.store.pin(s.ctx, span<const keyframe_handle>(targets_.handles()));
+    cameras_.clear();
+    for (std::size_t t = 0; t < targets_.size(); ++t) cameras_.push_back(pinned[t].camera_count);
+    snapshot_.mark_observed(cameras_);
+    if (only_camera != all_cameras)
       for (std::size_t t = 0; t < targets_.size(); ++t)
-        call_.push_back({pinned[t], targets_.T_cw()[t], snapshot_.skip(t)});
-      find_duplicates(ctx, snapshot_.points_view(), span<const duplicate_target<descriptor, camera>>(call_),
-                      options.search, duplicates_);
-      duplicates_.plan(ctx, plan_);
-    }
-    const timed_guard<Map> guard(map, held);
-    return commit_(map, span<const duplicate<typename descriptor::distance_type>>(plan_),
-                   span<const keyframe>(targets_.keyframes()), span<const point>(snapshot_.points()), options.commit);
+        snapshot_.leave_out_other_cameras(t, cameras_[t], only_camera);
+    call_.clear();
+    for (std::size_t t = 0; t < targets_.size(); ++t)
+      call_.push_back({pinned[t], targets_.T_cw()[t], snapshot_.skip(t)});
+    find_duplicates(s.ctx, snapshot_.points_view(), span<const duplicate_target<descriptor, camera>>(call_), options,
+                    duplicates_);
+    duplicates_.plan(s.ctx, plan_);
+  }
+
+  fusion_summary commit(const scope& s, const fusion_commit_options& options) {
+    const auto guard = s.guard();
+    return commit_(s.map, span<const duplicate<typename descriptor::distance_type>>(plan_),
+                   span<const keyframe>(targets_.keyframes()), span<const point>(snapshot_.points()), options);
   }
 
   duplicates<descriptor, camera, Policy> duplicates_;

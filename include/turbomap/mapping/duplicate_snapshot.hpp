@@ -36,7 +36,7 @@ class duplicate_snapshot {
   }
   /// Takes in the live points of a keyframe, in the order of its keypoints, each point once. O(keypoints).
   void add_points_of(const Map& map, keyframe k) {
-    const std::size_t count = traits::keypoint_count(map, k);
+    const std::size_t count = keypoint_count_of(map, k);
     for (std::size_t i = 0; i < count; ++i) add_point(map, traits::point_at(map, k, i));
   }
   /// Takes in one point if it is alive, the first time that it is named.
@@ -100,10 +100,10 @@ class duplicate_snapshot {
   };
 
   void note(const Map& map, keyframe k, std::size_t keypoint, std::size_t target, std::size_t p) {
-    if (keypoint >= traits::keypoint_count(map, k))
+    if (keypoint >= keypoint_count_of(map, k))
       throw inconsistent_map(
           {map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, points_[p]), keypoint});
-    observed_.push_back({target, traits::keypoint(map, k, keypoint).camera, p});
+    observed_.push_back({target, keypoint_of(map, k, keypoint).camera, p});
   }
   void add(const Map& map, point p) {
     points_.push_back(p);

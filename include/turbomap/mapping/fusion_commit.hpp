@@ -30,6 +30,7 @@
 #include "../map/observation_counts.hpp"
 #include "../map/validate.hpp"
 #include "../span.hpp"
+#include "fusion_options.hpp"
 
 namespace turbomap {
 
@@ -42,23 +43,6 @@ enum class fusion_action : std::uint8_t {
   stale = 5,               ///< point or keyframe are gone
   already_observed = 6,    ///< the camera sees the point already
   conflict = 7             ///< seen apart: not the same point
-};
-
-/// Options of a commit of duplicates.
-struct fusion_commit_options {
-  merge_rule merges = merge_rule::refuse_apart;
-  merge_tolerance tolerance;  ///< of merge_rule::refuse_apart
-};
-
-/// The counts of one or more commits.
-struct fusion_summary {
-  std::size_t entries = 0, observations_added = 0, merged = 0, stale = 0, already_observed = 0, conflicts = 0;
-
-  fusion_summary& operator+=(const fusion_summary& o) {
-    entries += o.entries, observations_added += o.observations_added, merged += o.merged;
-    stale += o.stale, already_observed += o.already_observed, conflicts += o.conflicts;
-    return *this;
-  }
 };
 
 /// What is done with a point that was found at a keypoint, by the measurements of both (measurement_count).
@@ -133,7 +117,7 @@ class fusion_commit {
               "is not the number of a point");
       const keyframe k = targets[static_cast<std::size_t>(entry.target)];
       if (!traits::alive(map, k)) continue;
-      require(entry.keypoint >= 0 && static_cast<std::size_t>(entry.keypoint) < traits::keypoint_count(map, k),
+      require(entry.keypoint >= 0 && static_cast<std::size_t>(entry.keypoint) < keypoint_count_of(map, k),
               "plan[].keypoint", entry.keypoint, "is not a keypoint of the target");
       require_consistent_slot(map, k, static_cast<std::size_t>(entry.keypoint));
       const point holder = traits::point_at(map, k, static_cast<std::size_t>(entry.keypoint));
@@ -142,7 +126,7 @@ class fusion_commit {
       if (candidate == point{}) continue;
       views += check_once(map, candidate);
       if constexpr (counts_octaves_v<Map>)
-        if (traits::keypoint(map, k, static_cast<std::size_t>(entry.keypoint)).octave >=
+        if (keypoint_of(map, k, static_cast<std::size_t>(entry.keypoint)).octave >=
             traits::octave_counts(map, candidate).size())
           throw inconsistent_map({map_fault::octave_out_of_range, traits::id(map, k), traits::id(map, candidate),
                                   static_cast<std::size_t>(entry.keypoint)});
@@ -164,7 +148,7 @@ class fusion_commit {
                       const fusion_commit_options& options) {
     candidate = resolve(map, candidate);
     if (candidate == point{} || !traits::alive(map, target)) return fusion_action::stale;
-    const int camera = traits::keypoint(map, target, keypoint).camera;
+    const int camera = keypoint_of(map, target, keypoint).camera;
     if (observed_at(map, candidate, target, camera) >= 0) return fusion_action::already_observed;
     const point holder = traits::point_at(map, target, keypoint);
     if (holder == point{}) {

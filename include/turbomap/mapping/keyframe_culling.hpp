@@ -3,52 +3,32 @@
 #pragma once
 
 /// \file
-/// Redundant keyframes: found by the counts of observations per octave, and taken out one after the other, each removal
-/// taking effect on the next count [TurboMap §IV-F], [ORB-SLAM3].
+/// The stage that takes redundant keyframes out of the map: found by the counts of observations per octave, one after the
+/// other, each removal taking effect on the next count [TurboMap §IV-F], [ORB-SLAM3].
 
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <vector>
 
 #include "../config.hpp"
+#include "../culling/redundancy.hpp"
 #include "../error.hpp"
 #include "../map/map_edit.hpp"
 #include "../map/map_traits.hpp"
+#include "../map/neighbourhood.hpp"
 #include "../map/observation_counts.hpp"
 #include "../map/validate.hpp"
 #include "../math/strict.hpp"
 #include "../span.hpp"
+#include "stage.hpp"
 
 namespace turbomap {
-
-/// Options of keyframe culling. Defaults are those of [ORB-SLAM3] for stereo without an inertial unit.
-struct keyframe_culling_options {
-  float redundant_share =
-      0.9F;              ///< redundant: more than this share of its points (0.5 stereo-inertial); product in float
-  int observers = 3;     ///< a point is redundant when more than so many other keyframes see it...
-  int octave_slack = 1;  ///< ...at an octave no coarser than its own plus this
-  float max_depth = 0;   ///< m, > 0 (stereo): only points with a depth in [0, max_depth] count; 0: all (monocular)
-  int fewest_measurements = 2;   ///< a point dies when a removal leaves it so many measurements or fewer
-  bool temporal_guards = false;  ///< inertial: the rules below; the map's traits have time(), previous() and next()
-  int keep_keyframes = 21;       ///< none is taken while there are so many or fewer
-  int keep_last = 2;             ///< the current keyframe and so many before it, by their place in time, stay
-  double max_gap = 0.5;          ///< s between the neighbours in time that a removal leaves side by side
-  double max_old_gap = 3;  ///< s, the same for keyframes before the keep_keyframes-th predecessor, once initialised
-  bool inertial_initialised = true;
-};
 
 /// What was counted, and decided.
 enum class culling_verdict : std::uint8_t {
   needed,     ///< not redundant
   erased,     ///< redundant, and taken out
   protected_  ///< not to be erased (may_erase), or dead already: not counted
-};
-
-/// The points of a keyframe, and those of them that others see as well.
-struct redundancy {
-  int points = 0;
-  int redundant = 0;
 };
 
 /// One keyframe that was looked at; `id` outlives the keyframe.
@@ -71,40 +51,19 @@ redundancy count_redundant(const Map& map, typename map_traits<Map>::keyframe ke
                            const keyframe_culling_options& options, std::vector<std::uint32_t>& scratch) {
   using traits = map_traits<Map>;
   redundancy count;
-  const std::size_t keypoints = traits::keypoint_count(map, keyframe);
+  const std::size_t keypoints = keypoint_count_of(map, keyframe);
   // The keyframe itself is one of the observers, at the finest octave of its cameras, so never coarser than this view.
   const auto enough = static_cast<std::uint32_t>(options.observers) + 2;
   for (std::size_t i = 0; i < keypoints; ++i) {
     const auto point = traits::point_at(map, keyframe, i);
     if (point == typename traits::point{} || !traits::alive(map, point)) continue;
-    const auto& k = traits::keypoint(map, keyframe, i);
+    const auto& k = keypoint_of(map, keyframe, i);
     if (options.max_depth > 0 && !(k.depth >= 0 && k.depth <= options.max_depth)) continue;
     ++count.points;
     count.redundant += observers_up_to(map, point, k.octave + options.octave_slack, enough, scratch) >= enough ? 1 : 0;
   }
   return count;
 }
-
-/// redundant > share * points, the product in float: what the recorded peer computes.
-inline bool is_redundant(const redundancy& count, const keyframe_culling_options& options) {
-  const float limit = options.redundant_share * static_cast<float>(count.points);
-  return static_cast<float>(count.redundant) > limit;
-}
-
-namespace detail {
-inline void check(const keyframe_culling_options& o) {
-  require(o.redundant_share >= 0 && o.redundant_share <= 1, "options.redundant_share", o.redundant_share,
-          "must be in [0, 1]");
-  require(o.observers >= 0, "options.observers", o.observers, "must not be negative");
-  require(o.octave_slack >= 0 && o.octave_slack <= 255, "options.octave_slack", o.octave_slack,
-          "must be in [0, 255]: octaves are bytes");
-  require(o.max_depth >= 0, "options.max_depth", o.max_depth, "must not be negative");
-  require(o.keep_keyframes >= 0, "options.keep_keyframes", o.keep_keyframes, "must not be negative");
-  require(o.keep_last >= 0, "options.keep_last", o.keep_last, "must not be negative");
-  require(o.max_gap >= 0, "options.max_gap", o.max_gap, "must not be negative");
-  require(o.max_old_gap >= 0, "options.max_old_gap", o.max_old_gap, "must not be negative");
-}
-}  // namespace detail
 
 /// Where the current keyframe stands in time: what the guards of inertial systems ask for.
 template <class Map>
@@ -151,6 +110,12 @@ bool leaves_gap(const Map& map, typename map_traits<Map>::keyframe keyframe, con
   return !(gap < decision(options.max_gap) || (old && gap < decision(options.max_old_gap)));
 }
 
+/// As a hook: does nothing.
+struct ignore_keyframe {
+  template <class Keyframe>
+  void operator()(const Keyframe&) const {}
+};
+
 /// Looks at each candidate in the given order (covisibility, most shared points first) and takes out those that are
 /// redundant, at once: the next ones are counted without them. A keyframe is checked before it is changed: slots and
 /// observations that contradict each other are refused (inconsistent_map) with the keyframe, and all after it, as they were.
@@ -159,20 +124,19 @@ bool leaves_gap(const Map& map, typename map_traits<Map>::keyframe keyframe, con
 /// Inertial systems: traits' erase_keyframe() merges the preintegration of the removed keyframe into its successor's.
 /// \param current     the keyframe that local mapping works on: the guards look back from it
 /// \param candidates  keyframes; dead ones and those that may_erase() protects are passed over
-/// \param records     one entry a candidate, appended
+/// \param records     one entry per candidate, appended
 /// \param touched     points that lost a view and live on, appended when given
-/// \param erasing     called before a keyframe is taken out, when given
+/// \param erasing     erasing(keyframe): called before a keyframe is taken out
 /// \throws std::invalid_argument  an option out of range
 /// O(keypoints of the candidates + views of removed ones).
-template <class Map>
+template <class Map, class Erasing = ignore_keyframe>
 void cull_keyframes(Map& map, typename map_traits<Map>::keyframe current,
                     span<const typename map_traits<Map>::keyframe> candidates, const keyframe_culling_options& options,
                     std::vector<culling_record<typename map_traits<Map>::keyframe>>& records,
-                    std::vector<typename map_traits<Map>::point>* touched = nullptr,
-                    const std::function<void(typename map_traits<Map>::keyframe)>& erasing = {}) {
+                    std::vector<typename map_traits<Map>::point>* touched = nullptr, const Erasing& erasing = {}) {
   using traits = map_traits<Map>;
   static_assert(require_map_traits<Map>());
-  detail::check(options);
+  check(options);
   records.reserve(records.size() + candidates.size());
   std::vector<std::uint32_t> scratch;
   constexpr bool has_time = detail::map_has_v<Map, detail::map_temporal_member>;
@@ -199,8 +163,8 @@ void cull_keyframes(Map& map, typename map_traits<Map>::keyframe current,
       if (erase && options.temporal_guards) erase = !leaves_gap(map, keyframe, state, options);
     if (erase) {
       if constexpr (counts_octaves_v<Map>) require_consistent_keyframe(map, keyframe);
-      if (touched != nullptr) touched->reserve(touched->size() + traits::keypoint_count(map, keyframe));
-      if (erasing) erasing(keyframe);
+      if (touched != nullptr) touched->reserve(touched->size() + keypoint_count_of(map, keyframe));
+      erasing(keyframe);
       erase_keyframe(map, keyframe, options.fewest_measurements, touched);
       if constexpr (has_time)
         if (options.temporal_guards) state = temporal_state<Map>::of(map, current, options);
@@ -208,5 +172,44 @@ void cull_keyframes(Map& map, typename map_traits<Map>::keyframe current,
     records.push_back({keyframe, id, count, erase ? culling_verdict::erased : culling_verdict::needed});
   }
 }
+
+/// The stage: keyframes that share points with the current one are looked at, those that share most first. It counts and
+/// decides under the guard, one keyframe per hold, because each removal changes the counts of the next: its snapshot is the
+/// list of candidates, and compute() a short sum inside commit().
+template <class Map, class Policy>
+class keyframe_culling {
+ public:
+  using traits = map_traits<Map>;
+  using keyframe = typename traits::keyframe;
+  using point = typename traits::point;
+  using scope = mapping_scope<Map, Policy>;
+
+  /// Chooses the candidates: covisible keyframes that are in the store.
+  const std::vector<keyframe>& snapshot(const scope& s, keyframe current, const neighbourhood_options& options) {
+    const auto guard = s.guard();
+    touched_.clear();
+    const auto in_store = [&](keyframe k) { return s.stored.contains(traits::id(s.map, k)); };
+    return candidates_ = neighbourhood_.covisible_keyframes(s.map, current, options, in_store);
+  }
+  /// Takes one candidate out if it is redundant. \param erased  erased(id): its id is free, called under the guard
+  template <class Erasing, class Erased>
+  void commit(const scope& s, keyframe current, keyframe candidate, const keyframe_culling_options& options,
+              const Erasing& erasing, const Erased& erased) {
+    const auto guard = s.guard();
+    if (!traits::alive(s.map, candidate)) return;
+    records_.clear();
+    cull_keyframes(s.map, current, span<const keyframe>(&candidate, 1), options, records_, &touched_, erasing);
+    for (const auto& record : records_)
+      if (record.verdict == culling_verdict::erased) erased(record.id);
+  }
+  /// Points that lost a view since snapshot() and live on: their appearance is due.
+  const std::vector<point>& touched() const { return touched_; }
+
+ private:
+  neighbourhood<Map> neighbourhood_;
+  std::vector<keyframe> candidates_;
+  std::vector<culling_record<keyframe>> records_;
+  std::vector<point> touched_;
+};
 
 TURBOMAP_END_NAMESPACE

@@ -5,15 +5,14 @@
 /// \file
 /// What local mapping does with a keyframe, stage by stage: names, switches, times, and what came of it. Plain data.
 
-#include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
 
-#include "fusion_commit.hpp"
-#include "timed_guard.hpp"
+#include "fusion_options.hpp"
+#include "guard_times.hpp"
+#include "local_adjustment_options.hpp"
 
 namespace turbomap {
 
@@ -24,7 +23,7 @@ enum class mapping_stage : std::uint8_t {
   search,            ///< correspondences with the neighbours
   creation,          ///< points of them, and their commit
   fusion,            ///< duplicates, both ways
-  adjustment,        ///< a hook
+  adjustment,        ///< of poses and points around the keyframe
   keyframe_culling,  ///< redundant keyframes
 };
 inline constexpr std::size_t mapping_stages = 7;
@@ -44,7 +43,7 @@ enum class stage_outcome : std::uint8_t {
   cut       ///< left out, or ended early at a safe point: the deadline
 };
 
-/// One value a stage.
+/// One value per stage.
 template <class T>
 struct per_stage {
   std::array<T, mapping_stages> values{};
@@ -64,33 +63,10 @@ struct mapping_report {
   std::size_t points_culled = 0;  ///< on probation
   std::size_t fusion_targets = 0;
   fusion_summary fused;
+  local_adjustment_summary adjustment;          ///< of the mapper's own stage; as it comes where a hook adjusts
   std::size_t points_updated = 0;               ///< whose appearance was computed anew
   std::vector<std::uint64_t> keyframes_culled;  ///< ids
   bool cut = false;                             ///< the deadline cut a stage
-};
-
-/// Times of one stage over many keyframes.
-class duration_statistics {
- public:
-  void add(double ms) { samples_.push_back(ms); }
-  std::size_t count() const { return samples_.size(); }
-  double mean() const {
-    double sum = 0;
-    for (const double t : samples_) sum += t;
-    return samples_.empty() ? 0 : sum / static_cast<double>(samples_.size());
-  }
-  /// Element floor(q (n - 1)) of the sorted samples: 0.5 the median, 0.95, 1 the largest. 0 without samples. O(n).
-  double quantile(double q) const {
-    if (samples_.empty()) return 0;
-    std::vector<double> copy = samples_;
-    const auto at = copy.begin() + static_cast<std::ptrdiff_t>(std::floor(q * static_cast<double>(copy.size() - 1)));
-    std::nth_element(copy.begin(), at, copy.end());
-    return *at;
-  }
-  const std::vector<double>& samples() const { return samples_; }
-
- private:
-  std::vector<double> samples_;
 };
 
 }  // namespace turbomap

@@ -15,15 +15,7 @@
 #include "../math/functions.hpp"
 #include "../math/linear.hpp"
 #include "../types.hpp"
-
-namespace turbomap {
-
-/// Options of the neighbour rules. Defaults are those of [ORB-SLAM3]. How many neighbours: neighbourhood_options.
-struct neighbour_options {
-  double min_baseline_depth_ratio = 0.01;  ///< monocular: baseline / median depth of the neighbour's points
-};
-
-}  // namespace turbomap
+#include "neighbour_options.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 

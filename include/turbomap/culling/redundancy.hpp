@@ -1,0 +1,73 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// When a keyframe is redundant: most of its points are seen by enough other keyframes, at the same scale or a finer one
+/// [TurboMap §IV-F], [ORB-SLAM3]. A point that counts its observers per octave answers that by a short sum.
+
+#include <cstddef>
+#include <cstdint>
+
+#include "../config.hpp"
+#include "../error.hpp"
+#include "../span.hpp"
+
+namespace turbomap {
+
+/// Options of keyframe culling. Defaults are those of [ORB-SLAM3] for stereo without an inertial unit.
+struct keyframe_culling_options {
+  float redundant_share =
+      0.9F;              ///< redundant: more than this share of its points (0.5 stereo-inertial); product in float
+  int observers = 3;     ///< a point is redundant when more than so many other keyframes see it...
+  int octave_slack = 1;  ///< ...at an octave no coarser than its own plus this
+  float max_depth = 0;   ///< m, > 0 (stereo): only points with a depth in [0, max_depth] count; 0: all (monocular)
+  int fewest_measurements = 2;   ///< a point dies when a removal leaves it so many measurements or fewer
+  bool temporal_guards = false;  ///< inertial: the rules below; the map's traits have time(), previous() and next()
+  int keep_keyframes = 21;       ///< none is taken while there are so many or fewer
+  int keep_last = 2;             ///< the current keyframe and so many before it, by their place in time, stay
+  double max_gap = 0.5;          ///< s between the neighbours in time that a removal leaves side by side
+  double max_old_gap = 3;  ///< s, the same for keyframes before the keep_keyframes-th predecessor, once initialised
+  bool inertial_initialised = true;
+};
+
+/// The points of a keyframe that count, and those of them that enough others see as well.
+struct redundancy {
+  int points = 0;
+  int redundant = 0;
+};
+
+/// redundant > share * points, the product in float: what the recorded peer computes.
+inline bool is_redundant(const redundancy& count, const keyframe_culling_options& options) {
+  const float limit = options.redundant_share * static_cast<float>(count.points);
+  return static_cast<float>(count.redundant) > limit;
+}
+
+/// Keyframes that see a point at `octave` or finer, but no more than `enough`: counting ends there.
+/// \param counts  observers of the point per octave, finest first
+inline std::uint32_t count_up_to(span<const std::uint32_t> counts, int octave, std::uint32_t enough) {
+  const std::size_t wanted = static_cast<std::size_t>(octave) + 1;
+  const std::size_t end = counts.size() < wanted ? counts.size() : wanted;
+  std::uint32_t sum = 0;
+  std::size_t o = 0;  // four at a time: where a loop ends that depends on an octave is hard to predict
+  for (; o + 4 <= end && sum < enough; o += 4) sum += counts[o] + counts[o + 1] + counts[o + 2] + counts[o + 3];
+  if (sum >= enough) return sum;
+  for (; o < end; ++o) sum += counts[o];
+  return sum;
+}
+
+/// Throws std::invalid_argument naming the option that is out of range.
+inline void check(const keyframe_culling_options& o) {
+  require(o.redundant_share >= 0 && o.redundant_share <= 1, "options.redundant_share", o.redundant_share,
+          "must be in [0, 1]");
+  require(o.observers >= 0, "options.observers", o.observers, "must not be negative");
+  require(o.octave_slack >= 0 && o.octave_slack <= 255, "options.octave_slack", o.octave_slack,
+          "must be in [0, 255]: octaves are bytes");
+  require(o.max_depth >= 0, "options.max_depth", o.max_depth, "must not be negative");
+  require(o.keep_keyframes >= 0, "options.keep_keyframes", o.keep_keyframes, "must not be negative");
+  require(o.keep_last >= 0, "options.keep_last", o.keep_last, "must not be negative");
+  require(o.max_gap >= 0, "options.max_gap", o.max_gap, "must not be negative");
+  require(o.max_old_gap >= 0, "options.max_old_gap", o.max_old_gap, "must not be negative");
+}
+
+}  // namespace turbomap

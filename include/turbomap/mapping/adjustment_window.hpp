@@ -1,0 +1,129 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What a local adjustment takes of the user's map: keyframes that move, keyframes that hold them in place, the points that
+/// they see, and every observation of these points.
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "../config.hpp"
+#include "../map/covisibility.hpp"
+#include "../map/map_traits.hpp"
+#include "../map/numbering.hpp"
+#include "../map/validate.hpp"
+#include "keyframe_selection.hpp"
+#include "local_adjustment_options.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+template <class M, class T>
+using map_origin_member = decltype(T::is_origin(std::declval<const M&>(), std::declval<keyframe_of<T>>()));
+}  // namespace detail
+
+/// Free are the keyframe and those that share enough points with it; all their points are free; other keyframes that see
+/// these points are fixed, and so is the origin of the map (optional member is_origin(map, keyframe) of the traits). Where
+/// nothing would be fixed, the oldest keyframe is. Keyframes that are not in the store are passed over.
+template <class Map>
+class adjustment_window {
+ public:
+  using traits = map_traits<Map>;
+  using keyframe = typename traits::keyframe;
+  using point = typename traits::point;
+
+  /// One observation: a row of the problem.
+  struct row {
+    std::int32_t frame;     ///< number in frames()
+    std::int32_t landmark;  ///< number in points()
+    std::int32_t keypoint;
+  };
+
+  /// The caller holds the guard. \param current  alive and in the store
+  /// \throws inconsistent_map  an observation by a keypoint that its keyframe does not have
+  /// O(observations of the points of the free keyframes).
+  void gather(const Map& map, const handle_table& stored, keyframe current, int min_shared_points) {
+    clear();
+    add_frame(map, stored, current, is_origin(map, current));
+    const auto in_store = [&](keyframe k) { return stored.contains(traits::id(map, k)); };
+    for (const auto& c : covisibility_(map, current, min_shared_points, no_limit, in_store))
+      add_frame(map, stored, c.keyframe, is_origin(map, c.keyframe));
+    const std::size_t local = frames_.size();
+    for (std::size_t f = 0; f < local; ++f) {
+      const std::size_t keypoints = keypoint_count_of(map, frames_[f]);
+      for (std::size_t i = 0; i < keypoints; ++i) add_point(map, stored, traits::point_at(map, frames_[f], i));
+    }
+    hold_something(local);
+  }
+  void clear() {
+    frames_.clear(), fixed_.clear();
+    point_numbers_.clear(), points_.clear(), positions_.clear();
+    rows_frame_.clear(), rows_landmark_.clear(), rows_keypoint_.clear();
+  }
+
+  const keyframe_selection<Map>& frames() const { return frames_; }
+  const std::vector<std::uint8_t>& fixed() const { return fixed_; }  ///< by frame
+  const std::vector<point>& points() const { return points_; }
+  const std::vector<vec3<double>>& positions() const { return positions_; }  ///< by point, world, m
+  std::size_t row_count() const { return rows_frame_.size(); }
+  row at(std::size_t i) const { return {rows_frame_[i], rows_landmark_[i], rows_keypoint_[i]}; }
+  const std::vector<std::int32_t>& frame_of_row() const { return rows_frame_; }
+  const std::vector<std::int32_t>& landmark_of_row() const { return rows_landmark_; }
+  const std::vector<std::int32_t>& keypoint_of_row() const { return rows_keypoint_; }
+
+  static vec3<double> position_of(const Map& map, point p) {
+    const auto& x = traits::position(map, p);
+    return {x.x, x.y, x.z};
+  }
+
+ private:
+  static bool is_origin([[maybe_unused]] const Map& map, [[maybe_unused]] keyframe k) {
+    if constexpr (detail::map_has_v<Map, detail::map_origin_member>)
+      return traits::is_origin(map, k);
+    else
+      return false;
+  }
+  /// Its number, or id_table::none when it is not in the store.
+  std::size_t add_frame(const Map& map, const handle_table& stored, keyframe k, bool fixed) {
+    const std::size_t known = frames_.size(), at = frames_.place(map, k, stored);
+    if (at == known) fixed_.push_back(fixed ? 1 : 0);
+    return at;
+  }
+  void add_point(const Map& map, const handle_table& stored, point p) {
+    if (p == point{} || !traits::alive(map, p)) return;
+    const std::size_t number = points_.size();
+    if (point_numbers_.place(map, p) != number) return;
+    points_.push_back(p);
+    positions_.push_back(position_of(map, p));
+    traits::for_each_observation(map, p, [&](keyframe k, std::size_t keypoint) {
+      const std::size_t f = add_frame(map, stored, k, true);
+      if (f == id_table::none) return;
+      if (keypoint >= keypoint_count_of(map, k))
+        throw inconsistent_map({map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, p), keypoint});
+      rows_frame_.push_back(static_cast<std::int32_t>(f));
+      rows_landmark_.push_back(static_cast<std::int32_t>(number));
+      rows_keypoint_.push_back(static_cast<std::int32_t>(keypoint));
+    });
+  }
+  void hold_something(std::size_t local) {
+    for (const auto fixed : fixed_)
+      if (fixed != 0) return;
+    std::size_t oldest = 0;
+    for (std::size_t f = 1; f < local; ++f)
+      if (frames_.ids()[f] < frames_.ids()[oldest]) oldest = f;
+    fixed_[oldest] = 1;
+  }
+
+  covisibility<Map> covisibility_;
+  keyframe_selection<Map> frames_;
+  std::vector<std::uint8_t> fixed_;
+  point_numbering<Map> point_numbers_;
+  std::vector<point> points_;
+  std::vector<vec3<double>> positions_;
+  std::vector<std::int32_t> rows_frame_, rows_landmark_, rows_keypoint_;
+};
+
+TURBOMAP_END_NAMESPACE

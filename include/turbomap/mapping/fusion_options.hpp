@@ -1,0 +1,47 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Options of the stage that finds and fuses duplicate points, and what it tells, as plain data.
+
+#include <cstddef>
+#include <cstdint>
+
+#include "../fusion/duplicate_options.hpp"
+#include "../map/merge_rule.hpp"
+
+namespace turbomap {
+
+/// When searches see what commits did.
+enum class fusion_mode : std::uint8_t {
+  snapshot,  ///< one search and one commit per pass
+  serial_exact  ///< camera by camera, target by target: each search sees the commit before it, and survivors of merges have
+                ///< their new descriptors at once [ORB-SLAM3]. Many small calls: for comparisons
+};
+
+/// Options of a commit of duplicates.
+struct fusion_commit_options {
+  merge_rule merges = merge_rule::refuse_apart;
+  merge_tolerance tolerance;  ///< of merge_rule::refuse_apart
+};
+
+/// Options of duplicate_fusion.
+struct fusion_options {
+  fusion_mode mode = fusion_mode::snapshot;
+  duplicate_options search;
+  fusion_commit_options commit;
+};
+
+/// The counts of one or more commits.
+struct fusion_summary {
+  std::size_t entries = 0, observations_added = 0, merged = 0, stale = 0, already_observed = 0, conflicts = 0;
+
+  fusion_summary& operator+=(const fusion_summary& o) {
+    entries += o.entries, observations_added += o.observations_added, merged += o.merged;
+    stale += o.stale, already_observed += o.already_observed, conflicts += o.conflicts;
+    return *this;
+  }
+};
+
+}  // namespace turbomap

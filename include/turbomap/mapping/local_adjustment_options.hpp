@@ -1,0 +1,37 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Options of the stage that adjusts poses and points around a keyframe, and what it tells, as plain data.
+
+#include <cstddef>
+
+#include "../adjustment/options.hpp"
+#include "../types.hpp"
+
+namespace turbomap {
+
+/// Options of local_adjustment. Defaults are those of [ORB-SLAM3].
+struct local_adjustment_options {
+  adjustment_options solve;
+  pyramid scales;                 ///< information of a keypoint: scale_factor^(-2 octave) px^-2
+  int min_shared_points = 15;     ///< keyframes that share so many with the current one move with it
+  double mono_chi2 = 5.991;       ///< Huber's delta^2, and outlier beyond it: 95 %, 2 dof
+  double stereo_chi2 = 7.815;     ///< 95 %, 3 dof
+  double stereo_correlation = 0;  ///< of the errors of u and u_right: see reprojections; 0 [ORB-SLAM3]
+  int fewest_measurements = 2;    ///< a point dies when outliers leave it so many measurements or fewer
+
+  local_adjustment_options() { solve.min_relative_decrease = 1e-3; }  // three slow iterations in a row end it
+};
+
+/// What one local adjustment did.
+struct local_adjustment_summary {
+  adjustment_summary solve;
+  std::size_t free_keyframes = 0, fixed_keyframes = 0, points = 0, observations = 0;
+  std::size_t outliers = 0;       ///< observations taken out of the map
+  std::size_t points_erased = 0;  ///< that outliers left with too few
+  bool stale = false;             ///< a free keyframe was moved or erased meanwhile: nothing was written
+};
+
+}  // namespace turbomap

@@ -1,0 +1,128 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The stage that finds keypoint correspondences of a keyframe with its neighbours: the best covisible keyframes whose
+/// baseline is long enough to triangulate. All neighbours are searched in one call; the matches stay for the stage that
+/// makes points of them.
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "../config.hpp"
+#include "../map/map_traits.hpp"
+#include "../map/neighbourhood.hpp"
+#include "../matching/correspondence_search.hpp"
+#include "../matching/neighbour_rules.hpp"
+#include "../store/posed_keyframe.hpp"
+#include "keyframe_selection.hpp"
+#include "neighbour_search_options.hpp"
+#include "stage.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// search_correspondences() on a user's map. Its commit is map_point_creation's. Of one context.
+template <class Map, class Policy>
+class neighbour_search {
+ public:
+  using traits = map_traits<Map>;
+  using keyframe = typename traits::keyframe;
+  using point = typename traits::point;
+  using descriptor = typename traits::descriptor;
+  using camera = typename traits::camera;
+  using scope = mapping_scope<Map, Policy>;
+  using matches_type = correspondences<descriptor, camera, Policy>;
+
+  explicit neighbour_search(const context<Policy>& ctx) : matches_(ctx) {}
+
+  /// Poses and masks of the keyframe and of its neighbours whose baseline suffices.
+  /// \param fitting  fitting(n): how many of n neighbours may be taken, e.g. by a deadline
+  /// \return whether fitting() cost neighbours that would have been searched
+  /// \throws std::invalid_argument  the keyframe is not in the store; an option out of range
+  template <class Fitting>
+  bool snapshot(const scope& s, keyframe query, const neighbour_search_options& options, Fitting fitting) {
+    const auto guard = s.guard();
+    const auto in_store = [&](keyframe k) { return s.stored.contains(traits::id(s.map, k)); };
+    const auto& near = neighbourhood_.neighbours(s.map, query, options.neighbourhood, in_store);
+    const std::size_t most = fitting(near.size());
+    gather(s.map, s.stored, query, near, options, most);
+    return most < near.size() && neighbour_count() == most;
+  }
+  /// All neighbours that suffice.
+  void snapshot(const scope& s, keyframe query, const neighbour_search_options& options) {
+    snapshot(s, query, options, [](std::size_t n) { return n; });
+  }
+
+  /// Searches what was copied. Waits for the end. The matches stay until the next search.
+  void compute(const scope& s, const search_options& options) {
+    pinned_.reset();
+    pinned_.emplace(s.store.pin(s.ctx, span<const keyframe_handle>(selection_.handles())));
+    posed_.clear();
+    for (std::size_t k = 0; k < selection_.size(); ++k)
+      posed_.push_back({(*pinned_)[k], selection_.T_cw()[k], span<const std::uint8_t>(masks_[k])});
+    compute_again(s.ctx, options, matches_);
+    s.ctx.synchronize();
+  }
+  /// The same keyframes with other options, into another result: while they are pinned.
+  void compute_again(context<Policy>& ctx, const search_options& options, matches_type& result) const {
+    require(pinned_.has_value(), "keyframes of the search", "none", "have been released");
+    const auto all = posed();
+    search_correspondences(ctx, all[0], all.subspan(1, all.size() - 1), options, result);
+  }
+
+  /// Gives the keyframes back to the store.
+  void release() { pinned_.reset(); }
+
+  std::size_t neighbour_count() const { return selection_.size() == 0 ? 0 : selection_.size() - 1; }
+  /// Number 0 is the query, 1 + n is neighbour n; pinned from compute() to release().
+  span<const posed_keyframe<descriptor, camera>> posed() const { return posed_; }
+  const keyframe_selection<Map>& selection() const { return selection_; }
+  const matches_type& matches() const { return matches_; }
+
+ private:
+  void gather(const Map& map, const handle_table& stored, keyframe query, const std::vector<keyframe>& neighbours,
+              const neighbour_search_options& options, std::size_t most) {
+    selection_.clear();
+    stored.at(traits::id(map, query));  // throws when it is not there
+    selection_.place(map, query, stored);
+    const rigid_transform<double> T_query = selection_.T_cw()[0];  // a copy: the list grows
+    for (const keyframe n : neighbours) {
+      if (selection_.size() > most) break;
+      if (suffices(map, T_query, n, options)) selection_.place(map, n, stored);
+    }
+    masks_.resize(std::max(masks_.size(), selection_.size()));
+    for (std::size_t k = 0; k < selection_.size(); ++k) {
+      auto& mask = masks_[k];
+      mask.resize(keypoint_count_of(map, selection_[k]));
+      for (std::size_t i = 0; i < mask.size(); ++i) mask[i] = !(traits::point_at(map, selection_[k], i) == point{});
+    }
+  }
+  bool suffices(const Map& map, const rigid_transform<double>& T_query, keyframe n,
+                const neighbour_search_options& options) {
+    const auto T_n = pose_of(map, n);
+    if (options.stereo_baseline > 0) return baseline_suffices_stereo(T_query, T_n, options.stereo_baseline);
+    points_.clear();
+    for (std::size_t i = 0; i < keypoint_count_of(map, n); ++i) {
+      const point p = traits::point_at(map, n, i);
+      if (p == point{}) continue;
+      const auto& x = traits::position(map, p);
+      points_.push_back({x.x, x.y, x.z});
+    }
+    return baseline_suffices_monocular(T_query, T_n, median_depth(T_n, points_, depths_), options.baseline_rule);
+  }
+
+  neighbourhood<Map> neighbourhood_;
+  keyframe_selection<Map> selection_;
+  std::vector<std::vector<std::uint8_t>> masks_;
+  std::optional<pinned_keyframes<descriptor, camera, memory_of_t<Policy>>> pinned_;
+  std::vector<posed_keyframe<descriptor, camera>> posed_;
+  matches_type matches_;
+  std::vector<vec3<double>> points_;
+  std::vector<double> depths_;
+};
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,21 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Which keyframes a keyframe is searched against, as plain data.
+
+#include "../map/neighbourhood_options.hpp"
+#include "../matching/neighbour_options.hpp"
+
+namespace turbomap {
+
+/// Options of neighbour_search.
+struct neighbour_search_options {
+  neighbourhood_options neighbourhood;
+  neighbour_options baseline_rule;
+  double stereo_baseline =
+      0;  ///< m: neighbours nearer than this are not searched; 0: monocular, the median depth decides
+};
+
+}  // namespace turbomap

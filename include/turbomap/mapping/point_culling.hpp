@@ -1,0 +1,82 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The stage that drops new map points which fail their probation: tracking does not find them again, or no further
+/// keyframe sees them [ORB-SLAM3].
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "../config.hpp"
+#include "../culling/probation.hpp"
+#include "../map/map_edit.hpp"
+#include "../map/map_traits.hpp"
+#include "../map/observation_counts.hpp"
+#include "../map/validate.hpp"
+#include "../span.hpp"
+#include "stage.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// One round, at keyframe number `now`: erases what fails, and takes off the list what failed, died, was merged or has
+/// passed. All points are checked before the first is erased: inconsistent_map leaves the map and the list as they were.
+/// The caller holds the guard. O(points x views).
+template <class Map>
+map_point_culling_summary cull_recent_points(Map& map,
+                                             std::vector<recent_point<typename map_traits<Map>::point>>& recent,
+                                             std::int64_t now, const map_point_culling_options& options = {}) {
+  using traits = map_traits<Map>;
+  static_assert(require_map_traits<Map>());
+  check(options);
+  std::vector<std::uint8_t> failed(recent.size(), 0);
+  for (std::size_t i = 0; i < recent.size(); ++i) {
+    const auto& r = recent[i];
+    if (!traits::alive(map, r.point)) continue;
+    require_consistent(map, r.point);  // before its views are looked at
+    float found_ratio = 1;
+    if constexpr (detail::map_has_v<Map, detail::map_found_member>) found_ratio = traits::found_ratio(map, r.point);
+    failed[i] = fails_probation(found_ratio, measurement_count(map, r.point), now - r.since, options) ? 1 : 0;
+  }
+  map_point_culling_summary summary;
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < recent.size(); ++i) {
+    const recent_point<typename traits::point> r = recent[i];
+    if (!traits::alive(map, r.point)) continue;
+    if (failed[i] != 0) {
+      erase_point(map, r.point);
+      ++summary.dropped;
+    } else if (now - r.since >= options.probation) {
+      ++summary.released;
+    } else {
+      recent[kept++] = r;
+    }
+  }
+  recent.erase(recent.begin() + static_cast<std::ptrdiff_t>(kept), recent.end());
+  return summary;
+}
+
+/// The stage: the points on probation, and one round per keyframe. A round is short and holds the guard once: what it copies
+/// is two numbers per point, and nothing is searched.
+template <class Map, class Policy>
+class point_culling {
+ public:
+  using point = typename map_traits<Map>::point;
+
+  /// Puts points on probation. \param now  number of the keyframe
+  void watch(span<const point> points, std::int64_t now) {
+    for (const point p : points) recent_.push_back({p, now});
+  }
+  map_point_culling_summary operator()(const mapping_scope<Map, Policy>& s, std::int64_t now,
+                                       const map_point_culling_options& options) {
+    const auto guard = s.guard();
+    return cull_recent_points(s.map, recent_, now, options);
+  }
+
+ private:
+  std::vector<recent_point<point>> recent_;
+};
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,62 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What all stages of local mapping share. A stage brings one map-free algorithm to the user's map, always in three steps:
+///
+///     snapshot   copies what the algorithm reads from the map, under the map's guard
+///     compute    runs the algorithm on the copies and on resident keyframes, without the guard
+///     commit     applies the result to the map as it is by then, under the guard; every entry is looked at again
+///
+/// A stage is a class with these three members and an operator() that calls them. It keeps its memory: make one, use it for
+/// every keyframe.
+
+#include <chrono>
+#include <utility>
+
+#include "../config.hpp"
+#include "../context.hpp"
+#include "../map/map_traits.hpp"
+#include "../store/keyframe_store.hpp"
+#include "guard_times.hpp"
+#include "handle_table.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Holds map_guard(map) while it lives, and notes for how long. Waiting for the guard does not count.
+template <class Map>
+class timed_guard {
+ public:
+  timed_guard(Map& map, guard_times& times) : guard_(map_guard(map)), times_(times), begin_(clock::now()) {}
+  timed_guard(const timed_guard&) = delete;
+  timed_guard& operator=(const timed_guard&) = delete;
+  ~timed_guard() { times_.add(std::chrono::duration<double, std::milli>(clock::now() - begin_).count()); }
+
+ private:
+  using clock = std::chrono::steady_clock;
+  decltype(map_guard(std::declval<Map&>())) guard_;
+  guard_times& times_;
+  clock::time_point begin_;
+};
+
+/// The store that a stage on this map reads under this policy.
+template <class Map, class Policy>
+using store_of =
+    keyframe_store<typename map_traits<Map>::descriptor, typename map_traits<Map>::camera, memory_of_t<Policy>>;
+
+/// What a stage works on. Cheap to make and to copy: it only refers.
+template <class Map, class Policy>
+struct mapping_scope {
+  context<Policy>& ctx;         ///< policy, stream and scratch memory
+  Map& map;                     ///< the user's
+  store_of<Map, Policy>& store;  ///< resident keyframes
+  const handle_table& stored;   ///< which keyframes of the map are in the store, by id
+  guard_times& held;            ///< where the stage's guard times go
+
+  timed_guard<Map> guard() const { return timed_guard<Map>(map, held); }
+};
+template <class Map, class Policy, class Store>
+mapping_scope(context<Policy>&, Map&, Store&, const handle_table&, guard_times&) -> mapping_scope<Map, Policy>;
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,145 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The measurements of an adjustment window, read from the keyframe store: nothing of a keypoint is asked of the user's map
+/// a second time. And the cameras of all rigs in the window, one after the other.
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <vector>
+
+#include "../adjustment/gather_measurements.hpp"
+#include "../array.hpp"
+#include "../camera/rig.hpp"
+#include "../config.hpp"
+#include "../context.hpp"
+#include "../error.hpp"
+#include "../math/scale_table.hpp"
+#include "adjustment_window.hpp"
+#include "stage.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Results of gather(), in host memory.
+template <class Map, class Policy>
+class window_measurements {
+ public:
+  using descriptor = typename map_traits<Map>::descriptor;
+  using camera = typename map_traits<Map>::camera;
+  using view = keyframe_view<descriptor, camera>;
+
+  explicit window_measurements(const context<Policy>& ctx) : inputs_(ctx.resource()) {}
+
+  /// Waits for the end. \param scales  information of a keypoint: scale_factor^(-2 octave) px^-2
+  /// \throws std::invalid_argument  a keypoint that the keyframe in the store does not have; more than 256 cameras
+  void gather(const mapping_scope<Map, Policy>& s, const adjustment_window<Map>& window, const pyramid& scales) {
+    const auto pinned = s.store.pin(s.ctx, span<const keyframe_handle>(window.frames().handles()));
+    const std::size_t frames = window.frames().size(), rows = window.row_count();
+    views_.clear();
+    int most = 1;
+    for (std::size_t f = 0; f < frames; ++f) {
+      views_.push_back(pinned[f]);
+      most = pinned[f].camera_count > most ? pinned[f].camera_count : most;
+    }
+    for (std::size_t r = 0; r < rows; ++r) {
+      const auto row = window.at(r);
+      require(row.keypoint < views_[static_cast<std::size_t>(row.frame)].keypoint_count, "keypoint", row.keypoint,
+              "is not a keypoint of the keyframe in the store");
+    }
+    fetch(s.ctx, window, scales, most);
+    list_cameras(most);
+    for (std::size_t r = 0; r < rows; ++r) {
+      const std::size_t camera = first_camera_[static_cast<std::size_t>(window.frame_of_row()[r])] + camera_[r];
+      camera_[r] = static_cast<std::uint8_t>(camera);
+    }
+  }
+
+  const std::vector<vec3<double>>& pixel() const { return pixel_; }
+  const std::vector<double>& information() const { return information_; }
+  const std::vector<std::uint8_t>& camera_of_row() const { return camera_; }
+  rig_view<camera> cameras() const { return {cameras_.data(), static_cast<int>(cameras_.size())}; }
+  bool is_stereo(std::size_t row) const {
+    return pixel_[row].z >= 0 && detail::is_finite(pixel_[row].z) && cameras_[camera_[row]].bf > 0;
+  }
+
+ private:
+  /// The launches, and their results on the host.
+  void fetch(context<Policy>& ctx, const adjustment_window<Map>& window, const pyramid& scales, int most) {
+    const std::size_t frames = views_.size(), rows = window.row_count();
+    const std::size_t cameras = frames * static_cast<std::size_t>(most);
+    float scale[scale_table_size], sigma2[scale_table_size];
+    fill_scales(scales, scale, sigma2);
+    ctx.begin_call();
+    packed_inputs inputs;
+    const auto views = inputs.template place<view>(frames);
+    const auto frame = inputs.template place<std::int32_t>(rows), keypoint = inputs.template place<std::int32_t>(rows);
+    const auto table = inputs.template place<float>(scale_table_size);
+    const upload_block block = ctx.begin_upload(inputs_, inputs.bytes());
+    views.copy(block, views_.data());
+    frame.copy(block, window.frame_of_row().data());
+    keypoint.copy(block, window.keypoint_of_row().data());
+    table.copy(block, sigma2);
+    ctx.send(block, inputs.bytes());
+
+    measurement_rows<descriptor, camera> out{views.resident(block),   frame.resident(block),
+                                             keypoint.resident(block), table.resident(block),
+                                             ctx.template scratch<vec3<double>>(rows),
+                                             ctx.template scratch<double>(rows),
+                                             ctx.template scratch<std::uint8_t>(rows)};
+    auto* rigs = ctx.template scratch<rig_camera<camera>>(cameras);
+    fill_bytes(ctx.policy(), rigs, 0, cameras * sizeof(rig_camera<camera>));  // rigs with fewer cameras leave places
+    launch_gather_measurements(ctx.policy(), static_cast<int>(rows), out);
+    launch_gather_rigs(ctx.policy(), static_cast<int>(frames), out.frames, rigs, most);
+    pixel_.resize(rows), information_.resize(rows), camera_.resize(rows), rigs_.resize(cameras);
+    copy_out(ctx.policy(), pixel_.data(), out.pixel, rows * sizeof(vec3<double>));
+    copy_out(ctx.policy(), information_.data(), out.information, rows * sizeof(double));
+    copy_out(ctx.policy(), camera_.data(), out.camera, rows);
+    copy_out(ctx.policy(), static_cast<void*>(rigs_.data()), rigs, cameras * sizeof(rig_camera<camera>));
+    ctx.synchronize();
+  }
+  /// Each rig once: keyframes of one system share theirs.
+  void list_cameras(int most) {
+    cameras_.clear(), first_camera_.clear();
+    starts_.clear();
+    for (std::size_t f = 0; f < views_.size(); ++f) {
+      const rig_camera<camera>* mine = rigs_.data() + f * static_cast<std::size_t>(most);
+      const auto count = static_cast<std::size_t>(views_[f].camera_count);
+      std::size_t first = cameras_.size();
+      for (const auto& known : starts_)
+        if (known.count == count && same(cameras_.data() + known.first, mine, count)) first = known.first;
+      first_camera_.push_back(first);
+      if (first != cameras_.size()) continue;
+      starts_.push_back({first, count});
+      cameras_.insert(cameras_.end(), mine, mine + count);
+      require(cameras_.size() <= 256, "cameras of the keyframes", cameras_.size(),
+              "must be 256 or fewer in one adjustment");
+    }
+  }
+  /// The resolution does not matter here: it may be measured anew for a larger image.
+  static bool same(const rig_camera<camera>* a, const rig_camera<camera>* b, std::size_t count) {
+    for (std::size_t c = 0; c < count; ++c)
+      if (std::memcmp(&a[c].camera, &b[c].camera, sizeof a[c].camera) != 0 ||
+          std::memcmp(&a[c].T_camera_body, &b[c].T_camera_body, sizeof a[c].T_camera_body) != 0 || a[c].bf != b[c].bf)
+        return false;
+    return true;
+  }
+
+  struct rig_place {
+    std::size_t first, count;
+  };
+
+  array<std::byte, memory_of_t<Policy>> inputs_;
+  std::vector<view> views_;
+  std::vector<vec3<double>> pixel_;
+  std::vector<double> information_;
+  std::vector<std::uint8_t> camera_;
+  std::vector<rig_camera<camera>> rigs_;     ///< [frame][most]
+  std::vector<rig_camera<camera>> cameras_;  ///< of the distinct rigs
+  std::vector<rig_place> starts_;
+  std::vector<std::size_t> first_camera_;  ///< of each frame
+};
+
+TURBOMAP_END_NAMESPACE
