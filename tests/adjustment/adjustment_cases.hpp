@@ -97,6 +97,16 @@ inline adjustment_scene make_adjustment_scene(scene_kind kind, int frames, int f
   return s;
 }
 
+using float64_methods = turbomap::adjustment_methods<turbomap::adjustment_methods<>::solvers,
+                                                     turbomap::precision_list<turbomap::precision::float64>>;
+
+/// Options of an adjustment that is compared with an oracle.
+inline turbomap::adjustment_options in_float64() {
+  turbomap::adjustment_options options;
+  options.numbers = turbomap::precision::float64;
+  return options;
+}
+
 /// What an adjustment under a policy gives.
 struct adjusted {
   turbomap::adjustment_summary summary;
@@ -110,7 +120,7 @@ adjusted adjust_scene(const Policy& policy, const adjustment_scene& s, const tur
   turbomap::bundle_problem<Policy, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
   problem.assign(ctx, s.frame_input(), s.landmark_input(), s.group());
   adjusted a;
-  a.summary = turbomap::adjust(ctx, problem, options);
+  a.summary = turbomap::adjust<turbomap::every_adjustment_method>(ctx, problem, options);
   problem.frames(ctx, a.poses);
   problem.landmarks(ctx, a.points);
   return a;

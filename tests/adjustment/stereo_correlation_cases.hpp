@@ -58,9 +58,9 @@ void check_correlated_adjustment(const Policy& policy) {
     auto group = s.group();
     group.stereo_correlation = r;
     problem.assign(ctx, s.frame_input(), s.landmark_input(), group);
-    turbomap::adjustment_options options;
+    turbomap::adjustment_options options = in_float64();
     options.max_iterations = 30;
-    const auto summary = turbomap::adjust(ctx, problem, options);
+    const auto summary = turbomap::adjust<float64_methods>(ctx, problem, options);
     adjusted a;
     problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
     std::vector<double> chi2, depth;
@@ -92,9 +92,9 @@ void check_weak_link(const Policy& policy) {
       auto group = s.group();
       group.stereo_correlation = r;
       problem.assign(ctx, s.frame_input(), s.landmark_input(), group);
-      turbomap::adjustment_options options;
+      turbomap::adjustment_options options = in_float64();
       options.max_iterations = 30;
-      turbomap::adjust(ctx, problem, options);
+      turbomap::adjust<float64_methods>(ctx, problem, options);
       std::vector<rigid_transform<double>> poses;
       problem.frames(ctx, poses);
       for (std::size_t f = 0; f < 2; ++f) error[r > 0 ? 1 : 0] += pose_error(poses[f], s.true_poses[f]);

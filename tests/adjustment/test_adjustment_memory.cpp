@@ -53,14 +53,15 @@ struct whole_problem {
   }
 };
 
-adjusted adjust_all(turbomap::context<sequential>& ctx, problem_type& problem, const adjustment_options& options = {}) {
+adjusted adjust_all(turbomap::context<sequential>& ctx, problem_type& problem,
+                    const adjustment_options& options = in_float64()) {
   adjusted a;
-  a.summary = turbomap::adjust(ctx, problem, options);
+  a.summary = turbomap::adjust<turbomap::every_adjustment_method>(ctx, problem, options);
   problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
   return a;
 }
 
-adjusted adjust_fresh(const whole_problem& w, const adjustment_options& options = {}) {
+adjusted adjust_fresh(const whole_problem& w, const adjustment_options& options = in_float64()) {
   turbomap::context<sequential> ctx{sequential{}};
   problem_type problem(ctx);
   w.assign(ctx, problem);
@@ -73,7 +74,7 @@ TEST_CASE("an equally large problem, the second time: nothing is allocated but t
     for (const auto solver : {reduced_solver::dense, reduced_solver::pcg, reduced_solver::sparse}) {
       CAPTURE(static_cast<int>(solver));
       CAPTURE(static_cast<int>(numbers));
-      adjustment_options options;
+      adjustment_options options = in_float64();
       options.numbers = numbers, options.solver = solver;
       turbomap::context<sequential> ctx{sequential{}};
       problem_type problem(ctx);
@@ -87,7 +88,7 @@ TEST_CASE("an equally large problem, the second time: nothing is allocated but t
       const long before = allocations;
       b.assign(ctx, problem);
       const long assigned = allocations;
-      const int accepted = turbomap::adjust(ctx, problem, options).accepted;
+      const int accepted = turbomap::adjust<turbomap::every_adjustment_method>(ctx, problem, options).accepted;
       const long solved = allocations;
       problem.frames(ctx, result.poses), problem.landmarks(ctx, result.points), problem.chi2<0>(ctx, chi2, depth);
       const long read = allocations;
@@ -139,7 +140,7 @@ TEST_CASE("no memory, at whichever allocation: assign() throws, the problem is e
 TEST_CASE("no memory in adjust(), at whichever allocation: it throws, and goes on the next time") {
   const whole_problem w(6, 30, 5);
   for (const auto solver : {reduced_solver::dense, reduced_solver::pcg, reduced_solver::sparse}) {
-    adjustment_options options;
+    adjustment_options options = in_float64();
     options.solver = solver;
     const auto expected = adjust_fresh(w, options);
     int thrown = 0;
@@ -151,7 +152,7 @@ TEST_CASE("no memory in adjust(), at whichever allocation: it throws, and goes o
       bool threw = false;
       try {
         const no_memory_after limit(n);
-        turbomap::adjust(ctx, problem, options);
+        turbomap::adjust<turbomap::every_adjustment_method>(ctx, problem, options);
       } catch (const std::bad_alloc&) {
         threw = true;
       }
@@ -201,7 +202,7 @@ TEST_CASE("a resource of one's own that runs out: the same, and everything goes 
       resource.left = n;
       try {
         large.assign(ctx, problem);
-        turbomap::adjust(ctx, problem);
+        turbomap::adjust<turbomap::every_adjustment_method>(ctx, problem, in_float64());
       } catch (const std::bad_alloc&) {
         threw = true;
       }

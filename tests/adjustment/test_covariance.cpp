@@ -96,7 +96,7 @@ TEST_CASE("what was seen says how far off the estimate is") {  // scatter of opt
       REQUIRE(turbomap::frame_covariance(ctx, problem, {&frame, 1}, covariance));
       continue;
     }
-    turbomap::adjust(ctx, problem);
+    turbomap::adjust<float64_methods>(ctx, problem, in_float64());
     std::vector<rigid_transform<double>> poses;
     problem.frames(ctx, poses);
     scatter += std::pow(poses[1].tx - truth.poses[1].tx, 2);
@@ -146,20 +146,20 @@ TEST_CASE("an adjustment is not disturbed") {
   turbomap::context<sequential> ctx{sequential{}};
   turbomap::bundle_problem<sequential, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
   problem.assign(ctx, s.frame_input(), s.landmark_input(), s.group());
-  turbomap::adjustment_options one;
+  turbomap::adjustment_options one = in_float64();
   one.max_iterations = 3;
-  turbomap::adjust(ctx, problem, one);
+  turbomap::adjust<float64_methods>(ctx, problem, one);
   const std::int32_t frame = 2;
   std::vector<double> first, second;
   REQUIRE(turbomap::frame_covariance(ctx, problem, {&frame, 1}, first));
   adjusted with, without;
-  turbomap::adjust(ctx, problem, one);
+  turbomap::adjust<float64_methods>(ctx, problem, one);
   problem.frames(ctx, with.poses), problem.landmarks(ctx, with.points);
   REQUIRE(turbomap::frame_covariance(ctx, problem, {&frame, 1}, second));
   CHECK(first != second);  // at the estimate of its time
   problem.assign(ctx, s.frame_input(), s.landmark_input(), s.group());
-  turbomap::adjust(ctx, problem, one);
-  turbomap::adjust(ctx, problem, one);
+  turbomap::adjust<float64_methods>(ctx, problem, one);
+  turbomap::adjust<float64_methods>(ctx, problem, one);
   problem.frames(ctx, without.poses), problem.landmarks(ctx, without.points);
   CHECK(distance(with, without) == 0);
 }

@@ -22,7 +22,7 @@ using turbomap::reduced_solver;
 using turbomap_test::sequential;
 
 turbomap::adjustment_options diagonal() {
-  turbomap::adjustment_options options;
+  turbomap::adjustment_options options = in_float64();
   options.damping = turbomap::damping_rule::diagonal, options.max_iterations = 6;
   return options;
 }

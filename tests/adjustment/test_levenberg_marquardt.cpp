@@ -37,7 +37,7 @@ TEST_CASE_TEMPLATE("every kind of observation converges as the oracle does", Pol
     const auto s = make_adjustment_scene(kind, 5, 2, 25, 7);
     oracle_problem o = oracle_of(s);
     const double before = o.cost();
-    adjustment_options options;
+    adjustment_options options = in_float64();
     options.max_iterations = 6;
     const auto costs = oracle_adjust(o, 6);
     REQUIRE(costs.size() == 6);
@@ -72,9 +72,9 @@ TEST_CASE("steps that are refused: the damping grows by 2, 4, 8, ...") {
   turbomap::bundle_problem<sequential, pose_frame, turbomap::frame_factors<steep_factor>> problem(ctx);
   problem.assign(ctx, {span<const rigid_transform<double>>(start), {}}, {},
                  {{}, span<const std::int32_t>(frame), span<const steep_factor::row>(rows), {}, 1e6});
-  adjustment_options options;
+  adjustment_options options = in_float64();
   options.max_iterations = 1;
-  const auto summary = turbomap::adjust(ctx, problem, options);
+  const auto summary = turbomap::adjust<float64_methods>(ctx, problem, options);
   REQUIRE(summary.each.size() == 1);
   CHECK(summary.accepted == 1);
   const int steps = summary.each[0].steps;
@@ -92,7 +92,7 @@ TEST_CASE("steps that are refused: the damping grows by 2, 4, 8, ...") {
   options.max_retries = 2;
   problem.assign(ctx, {span<const rigid_transform<double>>(start), {}}, {},
                  {{}, span<const std::int32_t>(frame), span<const steep_factor::row>(rows), {}, 1e6});
-  const auto refused = turbomap::adjust(ctx, problem, options);
+  const auto refused = turbomap::adjust<float64_methods>(ctx, problem, options);
   CHECK(refused.end == adjustment_end::no_descent);
   CHECK(refused.each[0].steps == 3);
   std::vector<rigid_transform<double>> same;
@@ -103,7 +103,7 @@ TEST_CASE("steps that are refused: the damping grows by 2, 4, 8, ...") {
 TEST_CASE("all solvers give one answer") {
   for (const auto kind : {scene_kind::stereo, scene_kind::fisheye_rig}) {
     const auto s = make_adjustment_scene(kind, 9, 2, 80, 3);
-    adjustment_options options;
+    adjustment_options options = in_float64();
     options.pcg_tolerance = 1e-13;
     options.solver = reduced_solver::dense;
     const auto dense = adjust_scene(sequential{}, s, options);
@@ -128,11 +128,11 @@ TEST_CASE("a problem is used again for larger and smaller ones") {
   for (const int frames : {4, 9, 3})
     for (const auto solver : {reduced_solver::dense, reduced_solver::sparse}) {
       const auto s = make_adjustment_scene(scene_kind::stereo, frames, 1, 10 * frames, static_cast<unsigned>(frames));
-      adjustment_options options;
+      adjustment_options options = in_float64();
       options.solver = solver;
       problem.assign(ctx, s.frame_input(), s.landmark_input(), s.group());
       adjusted a;
-      a.summary = turbomap::adjust(ctx, problem, options);
+      a.summary = turbomap::adjust<float64_methods>(ctx, problem, options);
       problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
       CHECK(distance(a, adjust_scene(sequential{}, s, options)) == 0);
     }
@@ -228,7 +228,7 @@ TEST_CASE_TEMPLATE("factors of one's own of every kind", Policy, TURBOMAP_TEST_P
   const auto costs = oracle_adjust(o, 6);
   for (const auto solver : {reduced_solver::dense, reduced_solver::sparse, reduced_solver::pcg}) {
     CAPTURE(static_cast<int>(solver));
-    adjustment_options options;
+    adjustment_options options = in_float64();
     options.max_iterations = 6, options.solver = solver, options.pcg_tolerance = 1e-13;
     turbomap::context<Policy> ctx{Policy{}};
     turbomap::bundle_problem<Policy, pose_frame, turbomap::frame_pair_factors<odometry_factor, turbomap::tukey>,
@@ -236,7 +236,7 @@ TEST_CASE_TEMPLATE("factors of one's own of every kind", Policy, TURBOMAP_TEST_P
         problem(ctx);
     problem.assign(ctx, s.frame_input(), s.landmark_input(), k, g, h);
     adjusted a;
-    a.summary = turbomap::adjust(ctx, problem, options);
+    a.summary = turbomap::adjust<float64_methods>(ctx, problem, options);
     problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
     check_against_oracle(a, costs, o, 1e-7, 1e-5);
   }
@@ -270,7 +270,7 @@ TEST_CASE_TEMPLATE("degenerate problems end with a reason and unchanged", Policy
       turbomap::context<Policy> ctx{Policy{}};
       turbomap::bundle_problem<Policy, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
       problem.assign(ctx, s.frame_input(), s.landmark_input(), s.group());
-      const auto summary = turbomap::adjust(ctx, problem);
+      const auto summary = turbomap::adjust<float64_methods>(ctx, problem, in_float64());
       CHECK(summary.end == adjustment_end::not_finite);
       CHECK(summary.accepted == 0);
       adjusted a;  // NaN is not equal to itself: compared as bytes
@@ -287,7 +287,7 @@ TEST_CASE_TEMPLATE("degenerate problems end with a reason and unchanged", Policy
     const std::vector<std::uint8_t> landmarks_fixed(s.points.size(), 1);
     problem.assign(ctx, s.frame_input(),
                    {span<const vec3<double>>(s.points), span<const std::uint8_t>(landmarks_fixed)}, s.group());
-    CHECK(turbomap::adjust(ctx, problem).end == adjustment_end::nothing_free);
+    CHECK(turbomap::adjust<float64_methods>(ctx, problem, in_float64()).end == adjustment_end::nothing_free);
   }
   SUBCASE("all weights zero: rows switched off") {
     adjustment_scene s = good;
@@ -305,19 +305,19 @@ TEST_CASE_TEMPLATE("degenerate problems end with a reason and unchanged", Policy
     turbomap::bundle_problem<Policy, pose_frame, decltype(all)> problem(ctx);
     problem.assign(ctx, s.frame_input(), s.landmark_input(), all);
     adjusted a;
-    a.summary = turbomap::adjust(ctx, problem);
+    a.summary = turbomap::adjust<float64_methods>(ctx, problem, in_float64());
     problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
     check_unchanged(a, s, adjustment_end::converged);
     CHECK(a.summary.cost_final == doctest::Approx(21.95 / 3 * static_cast<double>(s.pixel.size())));
   }
   SUBCASE("no iterations") {
-    adjustment_options options;
+    adjustment_options options = in_float64();
     options.max_iterations = 0;
     check_unchanged(adjust_scene(Policy{}, good, options), good, adjustment_end::max_iterations);
   }
   SUBCASE("the flag was set before") {
     const std::atomic<bool> stop{true};
-    adjustment_options options;
+    adjustment_options options = in_float64();
     options.stop = &stop;
     check_unchanged(adjust_scene(Policy{}, good, options), good, adjustment_end::stopped);
   }
@@ -325,7 +325,7 @@ TEST_CASE_TEMPLATE("degenerate problems end with a reason and unchanged", Policy
 
 TEST_CASE_TEMPLATE("hard problems end, and never worse", Policy, TURBOMAP_TEST_TWO_POLICIES) {
   auto s = make_adjustment_scene(scene_kind::stereo, 5, 1, 30, 2);
-  adjustment_options options;
+  adjustment_options options = in_float64();
   options.max_iterations = 30;
   const auto check = [&](const adjustment_scene& scene) {
     for (const auto numbers : {precision::float64, precision::mixed, precision::float32})
@@ -404,17 +404,17 @@ TEST_CASE("landmarks may be fixed: poses alone move") {
   turbomap::bundle_problem<sequential, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
   problem.assign(ctx, s.frame_input(), {span<const vec3<double>>(s.points), span<const std::uint8_t>(fixed)},
                  s.group());
-  adjustment_options options;
+  adjustment_options options = in_float64();
   options.max_iterations = 5;
   adjusted a;
-  a.summary = turbomap::adjust(ctx, problem, options);
+  a.summary = turbomap::adjust<float64_methods>(ctx, problem, options);
   problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
   check_against_oracle(a, costs, o, 1e-8, 1e-6);
 }
 
 TEST_CASE("slow progress and the time budget end it") {
   const auto s = make_adjustment_scene(scene_kind::stereo, 5, 1, 30, 2);
-  adjustment_options options;
+  adjustment_options options = in_float64();
   options.max_iterations = 200;
   const auto full = adjust_scene(sequential{}, s, options);
   CHECK((full.summary.end == adjustment_end::converged || full.summary.end == adjustment_end::no_descent));
@@ -455,15 +455,15 @@ TEST_CASE("bad input is refused by name, and the problem stays") {
   s = good, s.pixel.pop_back(), refused(s, "pixel.size()");
   s = good, s.rig.clear(), s.rig.shrink_to_fit(), refused(s, "rig.count");
   CHECK(problem.observation_count() == static_cast<int>(good.frame.size()));
-  adjustment_options options;
+  adjustment_options options = in_float64();
   options.max_iterations = -1;
-  CHECK_THROWS_AS(turbomap::adjust(ctx, problem, options), std::invalid_argument);
+  CHECK_THROWS_AS(turbomap::adjust<float64_methods>(ctx, problem, options), std::invalid_argument);
   options = {}, options.initial_lambda = nan_value;
-  CHECK_THROWS_AS(turbomap::adjust(ctx, problem, options), std::invalid_argument);
+  CHECK_THROWS_AS(turbomap::adjust<float64_methods>(ctx, problem, options), std::invalid_argument);
   adjusted a;
-  a.summary = turbomap::adjust(ctx, problem);
+  a.summary = turbomap::adjust<float64_methods>(ctx, problem, in_float64());
   problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
-  CHECK(distance(a, adjust_scene(sequential{}, good, {})) == 0);
+  CHECK(distance(a, adjust_scene(sequential{}, good, in_float64())) == 0);
 }
 
 }  // namespace

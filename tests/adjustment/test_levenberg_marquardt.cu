@@ -50,7 +50,7 @@ TEST_CASE("every kind of observation, solver and kind of numbers: as on the host
           CAPTURE(static_cast<int>(solver));
           CAPTURE(static_cast<int>(numbers));
           CAPTURE(static_cast<int>(damping));
-          adjustment_options options;
+          adjustment_options options = in_float64();
           options.solver = solver, options.numbers = numbers, options.damping = damping;
           options.pcg_tolerance = 1e-13, options.max_iterations = 5;
           const auto host = adjust_scene(sequential{}, s, options), a = adjust_scene(on.policy(), s, options);
@@ -92,10 +92,10 @@ TEST_CASE("factors of one's own") {
     turbomap::context<policy_type> ctx{policy};
     turbomap::bundle_problem<policy_type, pose_frame, odometry_group, bearing_group, prior_group> problem(ctx);
     problem.assign(ctx, s.frame_input(), s.landmark_input(), k, g, h);
-    adjustment_options options;
+    adjustment_options options = in_float64();
     options.max_iterations = 5, options.solver = solver, options.pcg_tolerance = 1e-13;
     adjusted a;
-    a.summary = turbomap::adjust(ctx, problem, options);
+    a.summary = turbomap::adjust<float64_methods>(ctx, problem, options);
     problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
     return a;
   };

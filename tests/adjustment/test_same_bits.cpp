@@ -41,7 +41,7 @@ TEST_CASE("the same bits for any policy, any number of threads and any call") {
           CAPTURE(static_cast<int>(kind));
           CAPTURE(static_cast<int>(numbers));
           CAPTURE(static_cast<int>(solver));
-          adjustment_options options;
+          adjustment_options options = in_float64();
           options.numbers = numbers, options.solver = solver, options.damping = damping;
           const auto a = adjust_scene(sequential{}, s, options);
           CHECK(same(adjust_scene(sequential{}, s, options), a));
@@ -79,7 +79,7 @@ adjusted adjust_own_factors(const Policy& policy, const adjustment_scene& s, con
                   1e6},
                  {{10.0}, span<const std::int32_t>(prior_frames), span<const prior_factor::row>(prior_rows), {}, 1e6});
   adjusted a;
-  a.summary = turbomap::adjust(ctx, problem, options);
+  a.summary = turbomap::adjust<float64_methods>(ctx, problem, options);
   problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
   return a;
 }
@@ -87,7 +87,7 @@ adjusted adjust_own_factors(const Policy& policy, const adjustment_scene& s, con
 TEST_CASE("factors of the user's own") {
   const auto s = make_adjustment_scene(scene_kind::mono, 6, 1, 60, 5);
   for (const auto solver : {reduced_solver::dense, reduced_solver::pcg}) {
-    adjustment_options options;
+    adjustment_options options = in_float64();
     options.solver = solver, options.max_iterations = 5;
     const auto a = adjust_own_factors(sequential{}, s, options);
     for_each_parallel_policy([&](auto policy) { CHECK(same(adjust_own_factors(policy, s, options), a)); });

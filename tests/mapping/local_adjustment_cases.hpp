@@ -158,16 +158,18 @@ struct adjustment_run {
   turbomap::store_of<Map, Policy> store;
   turbomap::handle_table stored;
   turbomap::guard_times held;
-  turbomap::local_adjustment<Map, Policy> adjust{ctx};
+  turbomap::local_adjustment<Map, Policy, turbomap::every_adjustment_method> adjust{ctx};
 
   adjustment_run(const Policy& policy, local_scene<Map>& scene) : scene(scene), ctx(policy) {
     for (std::size_t f = 0; f < scene.keyframes.size(); ++f)
-      if (!(scene.keyframes[f] == typename traits::keyframe{}) && traits::alive(scene.map, scene.keyframes[f])) insert(f);
+      if (!(scene.keyframes[f] == typename traits::keyframe{}) && traits::alive(scene.map, scene.keyframes[f]))
+        insert(f);
   }
   void insert(std::size_t f) {
     const auto k = scene.keyframes[f];
     std::vector<turbomap::keypoint> keypoints;
-    for (std::size_t i = 0; i < turbomap::keypoint_count_of(scene.map, k); ++i) keypoints.push_back(turbomap::keypoint_of(scene.map, k, i));
+    for (std::size_t i = 0; i < turbomap::keypoint_count_of(scene.map, k); ++i)
+      keypoints.push_back(turbomap::keypoint_of(scene.map, k, i));
     const std::vector<typename traits::descriptor::element> descriptors(
         keypoints.size() * static_cast<std::size_t>(traits::descriptor::elements));
     turbomap::keyframe_data<typename traits::descriptor, pinhole_camera> data;

@@ -198,7 +198,7 @@ TEST_CASE_TEMPLATE("poses, points, outliers and deaths are the oracle's", Policy
     local_scene<flat_map> s(recipe);
     local_adjustment_options options;
     options.min_shared_points = 20, options.solve.min_relative_decrease = 0, options.solve.max_iterations = 6;
-    options.fewest_measurements = outliers > 0.1 ? 4 : 2;
+    options.fewest_measurements = outliers > 0.1 ? 4 : 2, options.solve.numbers = turbomap::precision::float64;
     const auto seen = sightings_of(s);
     const auto w = window_by_definition(seen, 6, 20, 0);
     REQUIRE(w.free.size() >= 2);
@@ -553,9 +553,10 @@ TEST_CASE("keyframes that are not in the store are passed over; the current one 
 TEST_CASE("a keypoint that the map, or the store, does not have is refused, and nothing is written") {
   local_scene<flat_map> s;
   adjustment_run<flat_map, sequential> run(sequential{}, s);
-  s.keyframes.push_back(insert_keyframe(s.map, s.map.keypoints(s.keyframes[5]).size() == 0
-                                                   ? std::vector<turbomap::keypoint>{}
-                                                   : std::vector<turbomap::keypoint>{make_keypoint(0)},
+  s.keyframes.push_back(insert_keyframe(s.map,
+                                        s.map.keypoints(s.keyframes[5]).size() == 0
+                                            ? std::vector<turbomap::keypoint>{}
+                                            : std::vector<turbomap::keypoint>{make_keypoint(0)},
                                         20, {}));
   // The store has it with fewer keypoints than the map says.
   turbomap::keyframe_data<map_descriptor, pinhole_camera> data;

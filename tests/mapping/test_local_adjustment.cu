@@ -29,7 +29,7 @@ TEST_CASE("windows one after the other: as on the host") {
   recipe.outliers = 0.05;
   local_scene<flat_map> host(recipe), a(recipe), b(recipe);
   turbomap::local_adjustment_options options;
-  options.min_shared_points = 40;
+  options.min_shared_points = 40, options.solve.numbers = turbomap::precision::float64;
   for (const std::size_t current : {9, 4, 6, 2}) {
     const auto expected = adjust_around(sequential{}, host, current, options);
     const auto summary = adjust_around(on.policy(), a, current, options);

@@ -12,10 +12,12 @@
 #include <utility>
 #include <vector>
 
-#include <turbomap/adjustment/linear_solver.hpp>
+#include <turbomap/adjustment/dense_cholesky.hpp>
+#include <turbomap/adjustment/eliminate_landmarks.hpp>
 #include <turbomap/adjustment/reduced_system.hpp>
-#include <turbomap/adjustment/schur.hpp>
-#include <turbomap/adjustment/structure.hpp>
+#include <turbomap/adjustment/resident_structure.hpp>
+#include <turbomap/adjustment/structure_builder.hpp>
+#include <turbomap/adjustment/substitute_landmarks.hpp>
 #include <turbomap/adjustment/uploaded.hpp>
 #include <turbomap/context.hpp>
 #include "readers/schur_system.hpp"
@@ -28,12 +30,9 @@ class recorded_schur {
  public:
   static constexpr int V = 6, D = 15;
   using memory = turbomap::memory_of_t<Policy>;
-  template <class T>
-  using uploaded = turbomap::uploaded<T, memory>;
 
   recorded_schur(turbomap::context<Policy>& ctx, const turbomap::schur_system& s)
       : ctx_(ctx), frames_(frames_of(s)), landmarks_(static_cast<int>(s.hll.row_offset.size()) - 1) {
-    for (std::size_t i = 0; i < lists_.size(); ++i) sent_.emplace_back(ctx.resource());
     place_unknowns();
     gather(s);
     send();
@@ -48,9 +47,8 @@ class recorded_schur {
     matrix.resize_discard(static_cast<std::size_t>(padded) * static_cast<std::size_t>(padded));
     right.resize_discard(static_cast<std::size_t>(padded));
     turbomap::fill_bytes(ctx_.policy(), matrix.data(), 0, matrix.size() * sizeof(double));
-    turbomap::for_each_index(ctx_.policy(), landmarks_, turbomap::eliminate_landmarks<double, V>{view_, {lambda}});
-    turbomap::launch_reduction<double, V, D>(ctx_.policy(), view_, {matrix.data(), right.data(), padded, true},
-                                             {lambda});
+    turbomap::launch_eliminate_landmarks<V>(ctx_.policy(), view_, {lambda});
+    turbomap::launch_reduce_blocks<V, D>(ctx_.policy(), view_, {matrix.data(), right.data(), padded, true}, {lambda});
     std::vector<double> full(matrix.size()), b(at(n));
     turbomap::copy_out(ctx_.policy(), full.data(), matrix.data(), full.size() * sizeof(double));
     turbomap::copy_out(ctx_.policy(), b.data(), right.data(), b.size() * sizeof(double));
@@ -69,16 +67,14 @@ class recorded_schur {
   std::vector<double> substitute(const std::vector<double>& xp) {
     std::vector<double> step(xp.size());
     for (std::size_t i = 0; i < xp.size(); ++i) step[at(ours_[i])] = xp[i];
-    using functor = turbomap::substitute_landmarks<double, V, D>;
-    uploaded<double> x(ctx_.resource()), zero(ctx_.resource());
-    x.host() = step, zero.host().assign(at(landmarks_) * turbomap::landmark_stride, 0);
-    x.send(ctx_.policy()), zero.send(ctx_.policy());
+    const std::vector<double> zeros(at(landmarks_) * turbomap::landmark_stride, 0.0);
+    turbomap::resident_copy<double, memory> x(ctx_.resource()), zero(ctx_.resource());
+    x.send(ctx_.policy(), step), zero.send(ctx_.policy(), zeros);
     turbomap::array<double, memory> to(ctx_.resource()), gain(ctx_.resource());
-    to.resize_discard(zero.host().size());
-    const int groups = (landmarks_ + functor::landmarks_an_index - 1) / functor::landmarks_an_index;
-    gain.resize_discard(at(groups));
-    turbomap::for_each_index(ctx_.policy(), groups,
-                             functor{view_, x.data(), {0}, zero.data(), to.data(), gain.data(), landmarks_});
+    to.resize_discard(zeros.size());
+    gain.resize_discard(at(turbomap::landmark_gain_count(landmarks_)));
+    turbomap::launch_substitute_landmarks<V, D>(ctx_.policy(), view_, x.data(), {0}, zero.data(), to.data(),
+                                                gain.data());
     std::vector<double> moved(to.size()), xl;
     turbomap::copy_out(ctx_.policy(), moved.data(), to.data(), moved.size() * sizeof(double));
     ctx_.synchronize();
@@ -114,16 +110,18 @@ class recorded_schur {
   void gather(const turbomap::schur_system& s) {
     const turbomap::landmark_group_input couplings{
         {s.hpl.row.data(), s.hpl.row.size()}, {s.hpl.column.data(), s.hpl.column.size()}, nullptr, 1};
-    builder_.build(landmarks_, {}, frames_, {&couplings, 1}, turbomap::observation_padding, structure_);
+    gather_frames(s);
+    const turbomap::frame_group_input pairs{{first_.data(), first_.size()}, {second_.data(), second_.size()}};
+    builder_.build({frames_, landmarks_, {}, {&couplings, 1}, {&pairs, 1}, turbomap::observation_padding}, structure_);
+    finder_.find(structure_);
     const auto& g = structure_.groups[0];
-    rows_.host().assign(structure_.rows() * 9 + 16, 0),
-        couplings_.host().assign(structure_.couplings() * 3 * V + 16, 0);
+    rows_.assign(structure_.rows() * 9 + turbomap::column_slack, 0);
+    couplings_.assign(structure_.couplings() * 3 * V + turbomap::column_slack, 0);
     for (const auto& c : g.chunks)
       for (int i = c.begin; i < c.begin + c.count; ++i) {
         const double* block = s.hpl.block(at(g.source[at(i)]));
         for (int v = 0; v < V; ++v)
-          for (int m = 0; m < 3; ++m)
-            couplings_.host()[at(g.coupling[at(i)]) * 3 * V + at(m * V + v)] = block[v * 3 + m];
+          for (int m = 0; m < 3; ++m) couplings_[at(g.coupling[at(i)]) * 3 * V + at(m * V + v)] = block[v * 3 + m];
       }
     for (std::size_t k = 0; k < s.hll.block_count(); ++k) {  // all of it in the landmark's first row
       const auto l = at(s.hll.row[k]);
@@ -131,12 +129,9 @@ class recorded_schur {
       if (structure_.landmark_row[l + 1] == structure_.landmark_row[l]) continue;
       const double* h = s.hll.block(k);
       const double lower[6] = {h[0], h[1], h[4], h[2], h[5], h[8]};
-      std::copy(lower, lower + 6, rows_.host().begin() + static_cast<std::ptrdiff_t>(row * 9));
-      for (std::size_t i = 0; i < 3; ++i) rows_.host()[row * 9 + 6 + i] = s.bl[3 * l + i];
+      std::copy(lower, lower + 6, rows_.begin() + static_cast<std::ptrdiff_t>(row * 9));
+      for (std::size_t i = 0; i < 3; ++i) rows_[row * 9 + 6 + i] = s.bl[3 * l + i];
     }
-    gather_frames(s);
-    const turbomap::frame_pair_input pairs{{first_.data(), first_.size()}, {second_.data(), second_.size()}};
-    builder_.find_blocks({&pairs, 1}, structure_);
   }
 
   /// Blocks of hpp on the diagonal of a frame, and squares between frames.
@@ -159,9 +154,9 @@ class recorded_schur {
         const auto [place, is_new] = square.emplace(std::pair(r / D, c / D), first_.size());
         if (is_new) {
           first_.push_back(r / D), second_.push_back(c / D);
-          squares_.host().resize(first_.size() * D * D, 0.0);
+          squares_.resize(first_.size() * D * D, 0.0);
         }
-        squares_.host()[place->second * D * D + at(k * D + m)] = dense[i * n + j];
+        squares_[place->second * D * D + at(k * D + m)] = dense[i * n + j];
       }
     }
   }
@@ -173,20 +168,17 @@ class recorded_schur {
 
   void send() {
     const auto& p = ctx_.policy();
-    for (std::size_t i = 0; i < lists_.size(); ++i) sent_[i].send_from(p, lists_[i]->data(), lists_[i]->size());
-    const auto list = [&](std::size_t i) { return sent_[i].data(); };
-    view_.landmark_row = list(0), view_.landmark_slot = list(1), view_.slot_coupling = list(2);
-    view_.slot_frame = list(3), view_.slot_landmark = list(4), view_.frame_slot = list(5), view_.slot_list = list(6);
-    view_.block_row = list(7), view_.block_column = list(8), view_.block_pair = list(9);
-    view_.block_factor = list(10), view_.factor_list = list(11);
-    pairs_.send_from(p, structure_.pairs.data(), structure_.pairs.size());
-    rows_.send(p), couplings_.send(p), squares_.send(p);
+    lists_.send_sums(p, structure_), lists_.send_blocks(p, structure_);
+    lists_.point(view_);
+    resident(rows_, sums_row_), resident(couplings_, sums_coupling_), resident(squares_, sums_square_);
     resident(H_, sums_H_), resident(b_, sums_b_);
-    eliminated_.resize_discard(structure_.slots() * 3 * V + 16), landmark_.resize_discard(at(landmarks_));
-    view_.pairs = pairs_.data(), view_.row = rows_.data(), view_.coupling = couplings_.data();
-    view_.factor_square = squares_.data(), view_.H = sums_H_.data(), view_.b = sums_b_.data();
+    eliminated_.resize_discard(structure_.slots() * 3 * V + turbomap::column_slack),
+        landmark_.resize_discard(at(landmarks_));
+    view_.sums = {nullptr, sums_row_.data(), sums_coupling_.data(), nullptr, sums_square_.data()};
+    view_.H = sums_H_.data(), view_.b = sums_b_.data();
     view_.eliminated = eliminated_.data(), view_.landmark = landmark_.data();
-    view_.free_frames = frames_, view_.blocks = static_cast<int>(structure_.block_row.size());
+    view_.free_frames = frames_, view_.landmarks = landmarks_,
+    view_.blocks = static_cast<int>(structure_.block_row.size());
   }
 
   turbomap::context<Policy>& ctx_;
@@ -194,14 +186,11 @@ class recorded_schur {
   std::vector<int> ours_;  ///< place of an unknown of the recording
   turbomap::structure_builder builder_;
   turbomap::adjustment_structure structure_;
-  std::vector<const std::vector<std::int32_t>*> lists_{
-      &structure_.landmark_row,  &structure_.landmark_slot, &structure_.slot_coupling, &structure_.slot_frame,
-      &structure_.slot_landmark, &structure_.frame_slot,    &structure_.slot_list,     &structure_.block_row,
-      &structure_.block_column,  &structure_.block_pair,    &structure_.block_factor,  &structure_.factor_list};
-  std::vector<uploaded<std::int32_t>> sent_;
-  uploaded<turbomap::slot_pair> pairs_{ctx_.resource()};
-  uploaded<double> rows_{ctx_.resource()}, couplings_{ctx_.resource()}, squares_{ctx_.resource()};
-  std::vector<double> H_, b_;
+  turbomap::block_finder finder_;
+  turbomap::resident_structure<memory> lists_{ctx_.resource()};
+  std::vector<double> rows_, couplings_, squares_, H_, b_;
+  turbomap::array<double, memory> sums_row_{ctx_.resource()}, sums_coupling_{ctx_.resource()};
+  turbomap::array<double, memory> sums_square_{ctx_.resource()};
   turbomap::array<double, memory> sums_H_{ctx_.resource()}, sums_b_{ctx_.resource()};
   turbomap::array<double, memory> eliminated_{ctx_.resource()};
   turbomap::array<turbomap::eliminated_landmark, memory> landmark_{ctx_.resource()};

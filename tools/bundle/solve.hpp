@@ -90,10 +90,10 @@ solution<typename Problem::state> solve(const Policy& policy, int repeat, const 
   for (int i = 0; i < repeat; ++i) {
     const stopwatch first;
     assign(ctx, problem);
-    turbomap::adjust(ctx, problem, nothing);
+    turbomap::adjust<turbomap::every_adjustment_method>(ctx, problem, nothing);
     setup.push_back(first.ms()), cpu_setup.push_back(first.cpu_ms());
     const stopwatch second;
-    s.summary = turbomap::adjust(ctx, problem, options);
+    s.summary = turbomap::adjust<turbomap::every_adjustment_method>(ctx, problem, options);
     adjust.push_back(second.ms()), cpu_adjust.push_back(second.cpu_ms());
   }
   s.ms_setup_first = setup.front();

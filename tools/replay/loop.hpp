@@ -88,7 +88,8 @@ class replayer {
         world_(recording, arguments.adjustment),
         tracker_(ctx_, rig_, recording.meta.pyramid(), arguments.correlation(recording.is_simulated())),
         judge_(recording, ctx_),
-        mapper_(ctx_, world_.map(), store_, mapper_options(recording.meta, arguments, recording.is_simulated()), hooks()) {}
+        mapper_(ctx_, world_.map(), store_, mapper_options(recording.meta, arguments, recording.is_simulated()),
+                hooks()) {}
   replayer(const replayer&) = delete;
   replayer& operator=(const replayer&) = delete;
 
@@ -176,7 +177,8 @@ class replayer {
   world world_;
   pose_tracker<map_type, Policy> tracker_;
   match_judge<map_type, Policy> judge_;
-  turbomap::local_mapper<map_type, Policy> mapper_;
+  using adjustment = turbomap::local_adjustment<map_type, Policy, turbomap::every_adjustment_method>;
+  turbomap::local_mapper<map_type, Policy, adjustment> mapper_;
   replay_result result_;
   std::vector<turbomap::keypoint> keypoints_;
   double clock_ms_ = 0, began_ = 0;

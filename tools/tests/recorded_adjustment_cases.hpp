@@ -64,6 +64,7 @@ int for_each_recorded_problem(const turbomap::recording& r, const std::filesyste
     if (!s || s->inertial) continue;
     CAPTURE(iteration);
     turbomap::adjustment_options options;
+    options.numbers = turbomap::precision::float64;
     options.max_iterations = s->iterations, options.initial_lambda = s->initial_lambda;
     run(turbomap_bundle::recorded_problem<camera>(r.meta, *s), options);
     ++problems;
@@ -90,7 +91,7 @@ recorded_result adjust_recorded(const Policy& policy, const turbomap_bundle::rig
       ctx, {{d.T_cw.data(), d.T_cw.size()}, {d.fixed.data(), d.fixed.size()}}, {{d.points.data(), d.points.size()}},
       turbomap_bundle::reprojections_of(p, turbomap_bundle::huber_of(5.991), turbomap_bundle::huber_of(7.815)));
   recorded_result r;
-  r.summary = turbomap::adjust(ctx, problem, options);
+  r.summary = turbomap::adjust<turbomap::every_adjustment_method>(ctx, problem, options);
   problem.frames(ctx, r.poses), problem.landmarks(ctx, r.points);
   problem.template chi2<0>(ctx, r.chi2, r.depth);
   for (std::size_t i = 0; i < r.chi2.size(); ++i) {

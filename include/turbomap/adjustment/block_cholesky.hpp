@@ -3,20 +3,18 @@
 #pragma once
 
 /// \file
-/// Cholesky factorisation of a sparse symmetric matrix of square blocks on the host, in an order of least degree: for
-/// long
-/// trajectories, where few frames share landmarks.
+/// Cholesky factorisation of a sparse symmetric matrix of square blocks on the host, for long trajectories, where few frames
+/// share landmarks. Rows are eliminated in an order of least degree, so that few blocks are created that were zero before.
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <iterator>
 #include <vector>
 
 #include "../config.hpp"
-#include "../math/functions.hpp"
 #include "options.hpp"
+#include "small_cholesky.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -26,9 +24,8 @@ class block_cholesky {
  public:
   static constexpr std::size_t square = static_cast<std::size_t>(D) * D;
 
-  /// Orders the rows and finds the blocks of the factor. Block k of the matrix couples row[k] < column[k]; diagonal
-  /// blocks are
-  /// all there. O(n^2 + blocks of the factor times their rows).
+  /// Orders the rows and finds the blocks of the factor. Block k of the matrix couples row[k] < column[k]; all diagonal
+  /// blocks are there. O(n^2 + blocks of the factor times their rows).
   void analyse(int n, const std::vector<std::int32_t>& row, const std::vector<std::int32_t>& column) {
     n_ = n;
     auto& neighbours = neighbours_;
@@ -90,7 +87,7 @@ class block_cholesky {
     for (int k = 0; k < n_; ++k)
       for (int i = 0; i < D; ++i) original_[at(k) * D + at(i)] = diagonal_[at(k) * square + at(i * (D + 1))];
     for (int k = 0; k < n_; ++k) {
-      if (!factorise_diagonal(k, tolerance)) return false;
+      if (!factorise_small<D>(diagonal_.data() + at(k) * square, original_.data() + at(k) * D, tolerance)) return false;
       eliminate(k);
     }
     return true;
@@ -102,11 +99,7 @@ class block_cholesky {
     for (int i = 0; i < n_; ++i) std::copy_n(x + at(i) * D, D, solution_.data() + at(place_[at(i)]) * D);
     for (int k = 0; k < n_; ++k) {
       double* y = solution_.data() + at(k) * D;
-      const double* l = diagonal_.data() + at(k) * square;
-      for (int i = 0; i < D; ++i) {
-        for (int j = 0; j < i; ++j) y[i] -= l[i * D + j] * y[j];
-        y[i] /= l[i * D + i];
-      }
+      solve_lower<D>(diagonal_.data() + at(k) * square, y);
       for (std::size_t p = begin_[at(k)]; p < begin_[at(k) + 1]; ++p) {
         double* z = solution_.data() + at(rows_[p]) * D;
         const double* m = lower_.data() + p * square;
@@ -122,11 +115,7 @@ class block_cholesky {
         for (int i = 0; i < D; ++i)
           for (int j = 0; j < D; ++j) y[j] -= m[i * D + j] * z[i];
       }
-      const double* l = diagonal_.data() + at(k) * square;
-      for (int i = D - 1; i >= 0; --i) {
-        for (int j = i + 1; j < D; ++j) y[i] -= l[j * D + i] * y[j];
-        y[i] /= l[i * D + i];
-      }
+      solve_upper<D>(diagonal_.data() + at(k) * square, y);
     }
     for (int i = 0; i < n_; ++i) std::copy_n(solution_.data() + at(place_[at(i)]) * D, D, x + at(i) * D);
   }
@@ -138,31 +127,12 @@ class block_cholesky {
   static std::size_t at(int i) { return static_cast<std::size_t>(i); }
   static std::ptrdiff_t offset(std::size_t i) { return static_cast<std::ptrdiff_t>(i); }
 
-  bool factorise_diagonal(int k, double tolerance) {
-    double* l = diagonal_.data() + at(k) * square;
-    for (int j = 0; j < D; ++j) {
-      for (int i = j; i < D; ++i)
-        for (int m = 0; m < j; ++m) l[i * D + j] -= l[i * D + m] * l[j * D + m];
-      const double pivot = l[j * D + j];
-      if (!(pivot > tolerance * original_[at(k) * D + at(j)]) || !(pivot > 0) || !detail::is_finite(pivot))
-        return false;
-      const double root = std::sqrt(pivot);
-      l[j * D + j] = root;
-      for (int i = j + 1; i < D; ++i) l[i * D + j] /= root;
-    }
-    return true;
-  }
-
   /// Blocks of column k through the factor of its diagonal, then their products out of the later columns.
   void eliminate(int k) {
     const double* l = diagonal_.data() + at(k) * square;
     for (std::size_t p = begin_[at(k)]; p < begin_[at(k) + 1]; ++p) {
       double* m = lower_.data() + p * square;
-      for (int r = 0; r < D; ++r)
-        for (int c = 0; c < D; ++c) {
-          for (int j = 0; j < c; ++j) m[r * D + c] -= m[r * D + j] * l[c * D + j];
-          m[r * D + c] /= l[c * D + c];
-        }
+      for (int r = 0; r < D; ++r) solve_lower<D>(l, m + r * D);
     }
     for (std::size_t p = begin_[at(k)]; p < begin_[at(k) + 1]; ++p) {
       const std::int32_t j = rows_[p];

@@ -8,69 +8,48 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
-#include "linear_solver.hpp"
+#include "cholesky_solver.hpp"
+#include "eliminate_landmarks.hpp"
 #include "normal_equations.hpp"
 #include "options.hpp"
 #include "problem.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Covariance of frames from a factorised reduced system: the columns of its inverse that they ask for.
-template <class Problem>
-class covariance_solver {
-  static constexpr int V = Problem::landmark_dof, D = Problem::dof;
+namespace detail {
 
- public:
-  template <class Policy>
-  static bool run(context<Policy>& ctx, Problem& problem, span<const std::int32_t> frames, double tolerance,
-                  int dense_limit, std::vector<double>& result) {
-    if (problem.observation_count() == 0 || !problem.finite_) return false;
-    const auto& structure = problem.structure();
-    normal_equations<Problem, double, double> equations(problem);
-    ctx.begin_call();
-    equations.take_memory(ctx);
-    equations.find_blocks(ctx);
-    equations.linearise(ctx);
-    const schur_view<double>& s = equations.view();
-    for_each_index(ctx.policy(), structure.landmarks, eliminate_landmarks<double, V>{s, damping{0}});
-    if (structure.free_frames * D <= dense_limit)
-      return invert(ctx, dense_reduced_solver<double, V, D, Policy>(ctx, s, problem.workspace_), structure, frames,
-                    tolerance, result);
-    return invert(ctx,
-                  sparse_reduced_solver<double, V, D, Policy>(ctx, s, structure.block_row, structure.block_column,
-                                                              problem.workspace_),
-                  structure, frames, tolerance, result);
+/// The columns of the inverse of a factorised reduced system that some frames ask for. False: singular.
+template <int D, class Policy, class Solver>
+bool invert_columns(context<Policy>& ctx, Solver solver, const adjustment_structure& structure,
+                    span<const std::int32_t> frames, double tolerance, std::vector<double>& result) {
+  if (!solver.factorise(ctx, damping{0}, tolerance)) return false;
+  const auto free_of = [&](std::size_t i) { return structure.free_of_frame[static_cast<std::size_t>(frames[i])]; };
+  const std::size_t n = frames.size() * D;
+  result.assign(n * n, 0);
+  std::vector<double> x(solver.unknowns());
+  for (std::size_t c = 0; c < n; ++c) {
+    if (free_of(c / D) < 0) continue;
+    std::fill(x.begin(), x.end(), 0.0);
+    x[static_cast<std::size_t>(free_of(c / D)) * D + c % D] = 1;
+    solver.substitute(x.data());
+    for (std::size_t r = 0; r < n; ++r)
+      if (free_of(r / D) >= 0) result[r * n + c] = x[static_cast<std::size_t>(free_of(r / D)) * D + r % D];
   }
+  return true;
+}
 
- private:
-  template <class Policy, class Solver>
-  static bool invert(context<Policy>& ctx, Solver solver, const adjustment_structure& structure,
-                     span<const std::int32_t> frames, double tolerance, std::vector<double>& result) {
-    if (!solver.factorise(ctx, damping{0}, tolerance)) return false;
-    const auto free_of = [&](std::size_t i) { return structure.free_of_frame[static_cast<std::size_t>(frames[i])]; };
-    const std::size_t n = frames.size() * D;
-    result.assign(n * n, 0);
-    std::vector<double> x(solver.padded_size());
-    for (std::size_t c = 0; c < n; ++c) {
-      if (free_of(c / D) < 0) continue;
-      std::fill(x.begin(), x.end(), 0.0);
-      x[static_cast<std::size_t>(free_of(c / D)) * D + c % D] = 1;
-      solver.substitute(x.data());
-      for (std::size_t r = 0; r < n; ++r)
-        if (free_of(r / D) >= 0) result[r * n + c] = x[static_cast<std::size_t>(free_of(r / D)) * D + r % D];
-    }
-    return true;
-  }
-};
+}  // namespace detail
 
 /// Joint covariance of some frames of a problem at its current estimate, all other frames and the landmarks
 /// marginalised: the inverse of J^T W J without damping, W with the weights of the robust kernels. Unknowns are those of
-/// Frame::retract (pose_frame: rotation, rad, then translation, m, on the left of T_cw: in the camera's axes). It is true to
+/// Frame::retract (pose_frame: rotation, rad, then translation, m, on the left of T_cw: in the axes of the camera). It is true to
 /// scale where the information of the observations is.
 /// \param frames     places of frames in the input, in any order; a fixed one is known: its rows are 0
 /// \param result     row-major, square, Frame::dof rows for each of `frames`, symmetric up to rounding
@@ -80,13 +59,27 @@ class covariance_solver {
 /// \throws std::invalid_argument  a frame that is not there, or a tolerance that is not in [0, 1)
 /// O(linearisation + factorisation + dof frames unknowns^2); float64. [Triggs et al. 2000, 9.5]
 template <class Policy, class Frame, class... Groups>
-bool frame_covariance(context<Policy>& ctx, bundle_problem<Policy, Frame, Groups...>& problem,
+bool frame_covariance(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Policy>, Frame, Groups...>& problem,
                       span<const std::int32_t> frames, std::vector<double>& result, double tolerance = 1e-11) {
   for (std::size_t i = 0; i < frames.size(); ++i)
     require(frames[i] >= 0 && frames[i] < problem.frame_count(), "frames[i]", frames[i], "is not a frame");
   require(tolerance >= 0 && tolerance < 1, "tolerance", tolerance, "must be in [0, 1)");
-  return covariance_solver<bundle_problem<Policy, Frame, Groups...>>::run(ctx, problem, frames, tolerance,
-                                                                          adjustment_options{}.dense_limit, result);
+
+  auto& data = problem.data();
+  if (data.observations == 0 || !data.finite) return false;
+  constexpr int V = Frame::landmark_dof, D = Frame::dof;
+  ctx.begin_call();
+  normal_equations<std::decay_t<decltype(data)>, double, double> equations(ctx, data);
+  equations.need_blocks(ctx);
+  equations.linearise(ctx);
+  const schur_view<double>& s = equations.view();
+  launch_eliminate_landmarks<V>(ctx.policy(), s, damping{0});
+  const auto invert = [&](auto solver) {
+    return detail::invert_columns<D>(ctx, std::move(solver), data.structure, frames, tolerance, result);
+  };
+  if (s.free_frames * D <= adjustment_options{}.dense_limit)
+    return invert(cholesky_solver<double, V, D, dense_system<D>>(ctx, s, data.structure, data.workspace));
+  return invert(cholesky_solver<double, V, D, sparse_system<D>>(ctx, s, data.structure, data.workspace));
 }
 
 TURBOMAP_END_NAMESPACE

@@ -3,9 +3,8 @@
 #pragma once
 
 /// \file
-/// Cholesky factorisation of a full symmetric matrix on the host: what local problems end in. Left-looking over tiles
-/// of 8 by
-/// 8, so that a tile is loaded and stored once; sums run in one order whatever the thread.
+/// Cholesky factorisation of a full symmetric matrix on the host: what local problems end in. Left-looking over tiles of 8
+/// by 8, so that a tile is loaded and stored once.
 
 #include <cmath>
 #include <cstddef>

@@ -3,148 +3,191 @@
 #pragma once
 
 /// \file
-/// Bundle adjustment by Levenberg and Marquardt's method with Nielsen's rule for the damping: adjust().
+/// Bundle adjustment: adjust(). Each iteration replaces the cost by the square of linearised residuals, adds a damping to
+/// its normal equations, and solves for a step (Levenberg and Marquardt's method); a step that makes the cost larger is taken
+/// back and tried again with more damping (Nielsen's rule). The landmarks are eliminated first (Schur complement), so that
+/// the system to solve is that of the frames.
 
 #include <chrono>
 #include <cstddef>
-#include <type_traits>
+#include <stdexcept>
 #include <utility>
-#include <vector>
 
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
+#include "cholesky_solver.hpp"
 #include "conjugate_gradients.hpp"
 #include "damping.hpp"
 #include "host_sums.hpp"
-#include "linear_solver.hpp"
+#include "methods.hpp"
+#include "move_frames.hpp"
 #include "normal_equations.hpp"
 #include "options.hpp"
 #include "problem.hpp"
-#include "schur.hpp"
+#include "substitute_landmarks.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Index = frame: moves a free one by its step, copies a fixed one.
-template <class Frame>
-struct retract_frames {
-  const std::int32_t* free_of_frame;
-  const double* step;
-  const typename Frame::template state<double>* from;
-  typename Frame::template state<double>* to;
-  TURBOMAP_HD void operator()(int f) const {
-    const int free = free_of_frame[f];
-    to[f] = free < 0 ? from[f]
-                     : Frame::template retract<double>(from[f], step + static_cast<std::ptrdiff_t>(free) * Frame::dof);
-  }
+namespace detail {
+
+/// A solver of the reduced system, whichever it is.
+template <class Policy>
+class step_solver {
+ public:
+  virtual reduced_step solve(context<Policy>& ctx, const damping& damping) = 0;
+
+ protected:
+  ~step_solver() = default;
 };
 
-/// One adjustment of one problem in one set of numbers; adjust() runs it.
-/// \tparam G  numbers of residuals  \tparam A  numbers of the normal equations
-template <class Problem, class G, class A>
+template <class Policy, class Solver>
+class step_solver_of final : public step_solver<Policy> {
+ public:
+  template <class... Arguments>
+  explicit step_solver_of(Arguments&&... arguments) : solver_(std::forward<Arguments>(arguments)...) {}
+  reduced_step solve(context<Policy>& ctx, const damping& damping) override { return solver_.solve(ctx, damping); }
+
+ private:
+  Solver solver_;
+};
+
+}  // namespace detail
+
+/// One adjustment of one problem in one precision; adjust() runs it.
+/// \tparam Data  a problem_data
+/// \tparam G     numbers of residuals   \tparam A  numbers of the normal equations of landmarks
+template <class Policy, class Data, class G, class A>
 class levenberg_marquardt {
-  using Frame = typename Problem::frame_type;
-  static constexpr int V = Problem::landmark_dof, D = Problem::dof;
   using clock = std::chrono::steady_clock;
-  using substitute = substitute_landmarks<A, V, D>;
+  using solver_type = detail::step_solver<Policy>;
+  static constexpr int V = Data::landmark_dof, D = Data::dof;
 
  public:
-  template <class Policy>
-  static adjustment_summary run(context<Policy>& ctx, Problem& problem, const adjustment_options& options) {
-    levenberg_marquardt lm(problem, options);
-    ctx.begin_call();
-    lm.equations_.take_memory(ctx);
-    lm.gains_ = ctx.template scratch<double>(static_cast<std::size_t>(lm.gain_count()));
-    lm.summary_.end = lm.loop(ctx);
-    return std::move(lm.summary_);
+  levenberg_marquardt(context<Policy>& ctx, Data& data, const adjustment_options& options)
+      : ctx_(ctx), data_(data), options_(options), start_(clock::now()), equations_(begin(ctx), data) {
+    gains_ = ctx.template scratch<double>(gain_count());
+  }
+
+  template <class Solvers>
+  adjustment_summary run() {
+    summary_.end = start<Solvers>();
+    return std::move(summary_);
   }
 
  private:
-  levenberg_marquardt(Problem& problem, const adjustment_options& options)
-      : problem_(problem), options_(options), equations_(problem), start_(clock::now()) {}
+  static context<Policy>& begin(context<Policy>& ctx) { return ctx.begin_call(), ctx; }
 
-  template <class Policy>
-  adjustment_end loop(context<Policy>& ctx) {
-    if (problem_.observations_ == 0) return adjustment_end::no_observations;
-    if (!problem_.finite_) return adjustment_end::not_finite;
-    double cost = equations_.evaluate(ctx, problem_.current_);
+  template <class Solvers>
+  adjustment_end start() {
+    if (data_.observations == 0) return adjustment_end::no_observations;
+    if (!data_.finite) return adjustment_end::not_finite;
+    const double cost = equations_.evaluate(ctx_, data_.estimate.current());
     summary_.cost_initial = summary_.cost_final = cost;
     if (!detail::is_finite(cost)) return adjustment_end::not_finite;
     summary_.undefined = equations_.undefined();
-    if (problem_.structure_.free_frames == 0 && !landmarks_move()) return adjustment_end::nothing_free;
-    if (choose(false) != reduced_solver::pcg) equations_.find_blocks(ctx);
+    if (data_.structure.free_frames == 0 && !landmarks_move()) return adjustment_end::nothing_free;
+    if (choose<Solvers>(false) != reduced_solver::pcg) equations_.need_blocks(ctx_);
     const schur_view<A>& s = equations_.view();
-    const auto& structure = problem_.structure_;
-    switch (choose(true)) {
-      case reduced_solver::pcg:
-        return iterate(ctx, cost,
-                       pcg_reduced_solver<A, V, D, Policy>(ctx, s, structure.landmarks, problem_.workspace_,
-                                                           options_.pcg_tolerance, options_.pcg_max_iterations));
-      case reduced_solver::sparse:
-        return iterate(ctx, cost,
-                       sparse_reduced_solver<A, V, D, Policy>(ctx, s, structure.block_row, structure.block_column,
-                                                              problem_.workspace_));
-      default:
-        return iterate(ctx, cost, dense_reduced_solver<A, V, D, Policy>(ctx, s, problem_.workspace_));
-    }
+    const reduced_solver chosen = choose<Solvers>(true);
+    if constexpr (Solvers::has(reduced_solver::dense))
+      if (chosen == reduced_solver::dense)
+        return iterate(detail::step_solver_of<Policy, cholesky_solver<A, V, D, dense_system<D>>>(
+            ctx_, s, data_.structure, data_.workspace));
+    if constexpr (Solvers::has(reduced_solver::sparse))
+      if (chosen == reduced_solver::sparse)
+        return iterate(detail::step_solver_of<Policy, cholesky_solver<A, V, D, sparse_system<D>>>(
+            ctx_, s, data_.structure, data_.workspace));
+    if constexpr (Solvers::has(reduced_solver::pcg))
+      return iterate(detail::step_solver_of<Policy, pcg_solver<A, V, D>>(
+          ctx_, s, data_.workspace, options_.pcg_tolerance, options_.pcg_max_iterations));
+    return adjustment_end::singular;  // not reached: choose() gives one that there is
   }
 
-  template <class Policy, class Solver>
-  adjustment_end iterate(context<Policy>& ctx, double cost, Solver solver) {
+  adjustment_end iterate(solver_type&& solver) {
+    double cost = summary_.cost_initial;
     damping_control control{options_.initial_lambda};
-    double& lambda = control.lambda;
     summary_.each.reserve(static_cast<std::size_t>(options_.max_iterations < 100 ? options_.max_iterations : 100));
     int slow = 0;
     for (int i = 0; i < options_.max_iterations; ++i) {
       if (stopped()) return adjustment_end::stopped;
       if (i > 0 && out_of_time()) return adjustment_end::time_budget;
-      equations_.linearise(ctx);
-      if (i == 0 && !(lambda > 0)) {
-        const double largest = equations_.largest_diagonal(ctx);
-        lambda = options_.initial_lambda_scale * (options_.damping == damping_rule::diagonal ? 1 : largest);
+      equations_.linearise(ctx_);
+      if (i == 0 && !(control.lambda > 0)) {
+        const double largest = equations_.largest_diagonal(ctx_);
+        control.lambda = options_.initial_lambda_scale * (options_.damping == damping_rule::diagonal ? 1 : largest);
         if (!(largest > 0)) return adjustment_end::converged;  // no factor depends on anything
       }
       ++summary_.iterations;
-      adjustment_iteration it{cost, lambda, 0, 0};
-      bool accepted = false, factorised = false;
-      adjustment_end end = adjustment_end::no_descent;
-      while (!accepted && it.steps <= options_.max_retries) {
-        ++it.steps, it.lambda = lambda;
-        double predicted = 0;
-        const reduced_step step = take_step(ctx, solver, lambda, predicted);
-        it.linear_iterations += step.iterations;
-        if (step.solved) {
-          factorised = true;
-          if (!(predicted > options_.min_predicted_decrease * cost) && detail::is_finite(predicted)) {
-            end = adjustment_end::converged;
-            break;
-          }
-          const double after = equations_.evaluate(ctx, 1 - problem_.current_);
-          if (control.accepts(cost, after, predicted)) {
-            accepted = true;
-            slow = cost - after < options_.min_relative_decrease * cost ? slow + 1 : 0;
-            cost = after;
-            summary_.undefined = equations_.undefined();
-            problem_.current_ = 1 - problem_.current_;
-            ++summary_.accepted;
-            continue;
-          }
-        } else {
-          control.refuse();
-        }
-        if (!detail::is_finite(lambda)) break;
-        if (stopped()) {
-          end = adjustment_end::stopped;
-          break;
-        }
-      }
+      const double before = cost;
+      adjustment_iteration it{cost, control.lambda, 0, 0};
+      const adjustment_end end = retry(solver, control, cost, it);
       it.cost = summary_.cost_final = cost;
       summary_.each.push_back(it);
-      if (!accepted) return end == adjustment_end::no_descent && !factorised ? adjustment_end::singular : end;
+      if (end != accepted) return end;
+      slow = before - cost < options_.min_relative_decrease * before ? slow + 1 : 0;
       if (options_.min_relative_decrease > 0 && slow >= options_.slow_iterations) return adjustment_end::converged;
     }
     return adjustment_end::max_iterations;
   }
+
+  /// What retry() returns where the adjustment goes on.
+  static constexpr adjustment_end accepted = adjustment_end::max_iterations;
+
+  /// Steps of one linearisation, with more and more damping, until one makes the cost smaller.
+  adjustment_end retry(solver_type& solver, damping_control& control, double& cost, adjustment_iteration& it) {
+    bool factorised = false;
+    while (it.steps <= options_.max_retries) {
+      ++it.steps, it.lambda = control.lambda;
+      double predicted = 0;
+      const reduced_step step = take_step(solver, control.lambda, predicted);
+      it.linear_iterations += step.iterations;
+      if (step.solved) {
+        factorised = true;
+        if (!(predicted > options_.min_predicted_decrease * cost) && detail::is_finite(predicted))
+          return adjustment_end::converged;
+        const double after = equations_.evaluate(ctx_, data_.estimate.trial());
+        if (control.accepts(cost, after, predicted)) {
+          cost = after;
+          summary_.undefined = equations_.undefined();
+          data_.estimate.accept();
+          ++summary_.accepted;
+          return accepted;
+        }
+      } else {
+        control.refuse();
+      }
+      if (!detail::is_finite(control.lambda)) break;
+      if (stopped()) return adjustment_end::stopped;
+    }
+    return factorised ? adjustment_end::no_descent : adjustment_end::singular;
+  }
+
+  /// Solves for a step with a damping and applies it to the trial estimate. `predicted`: the decrease that the quadratic
+  /// model promises, the sum of dx (damping dx + b).
+  reduced_step take_step(solver_type& solver, double lambda, double& predicted) {
+    const damping damping{lambda, options_.damping == damping_rule::diagonal};
+    const schur_view<A>& s = equations_.view();
+    const Policy& policy = ctx_.policy();
+    launch_eliminate_landmarks<V>(policy, s, damping);
+    const reduced_step step = solver.solve(ctx_, damping);
+    if (!step.solved) return step;
+    const auto from = data_.estimate.current(), to = data_.estimate.trial();
+    const int frames = data_.structure.frames;
+    launch_substitute_landmarks<V, D>(policy, s, step.step, damping, from.landmarks, to.landmarks, gains_);
+    launch_retract_frames(policy, frames, s.free_of_frame, step.step, from, to);
+    launch_prepare_poses(policy, frames, to);
+    auto& buffer = data_.workspace.sums;
+    predicted = detail::sum_in_order(on_host(ctx_, gains_, gain_count(), buffer), gain_count());
+    const std::size_t n = static_cast<std::size_t>(s.free_frames) * D;
+    predicted = detail::dot_in_order(step.on_host, on_host(ctx_, s.b, n, buffer), n, predicted);
+    const double* H = nullptr;
+    if (damping.scaled)
+      H = on_host(ctx_, s.H, static_cast<std::size_t>(s.free_frames) * frame_block<D>::triangle, buffer);
+    predicted = detail::damped_square<D>(damping, H, step.on_host, n, predicted);
+    return step;
+  }
+  std::size_t gain_count() const { return static_cast<std::size_t>(landmark_gain_count(data_.structure.landmarks)); }
 
   bool stopped() const { return options_.stop != nullptr && options_.stop->load(std::memory_order_relaxed); }
   bool out_of_time() const {
@@ -152,93 +195,85 @@ class levenberg_marquardt {
            std::chrono::duration<double, std::milli>(clock::now() - start_).count() > options_.time_budget_ms;
   }
   bool landmarks_move() const {
-    if (!problem_.has_fixed_landmarks_) return problem_.structure_.rows() > 0;
-    const auto& row = problem_.structure_.landmark_row;
-    const auto& fixed = problem_.landmark_fixed_.host();
+    const auto& row = data_.structure.landmark_row;
+    const auto& fixed = data_.landmark_fixed.host();
+    if (fixed.empty()) return data_.structure.rows() > 0;
     for (std::size_t l = 0; l < fixed.size(); ++l)
       if (fixed[l] == 0 && row[l + 1] > row[l]) return true;
     return false;
   }
 
-  /// Solves for a step with a damping and applies it to the other estimate. `predicted`: the decrease that the
-  /// quadratic model promises, the sum of dx (damping dx + b).
-  template <class Policy, class Solver>
-  reduced_step take_step(context<Policy>& ctx, Solver& solver, double lambda, double& predicted) {
-    const damping damping{lambda, options_.damping == damping_rule::diagonal};
-    const schur_view<A>& s = equations_.view();
-    for_each_index(ctx.policy(), landmarks(), eliminate_landmarks<A, V>{s, damping});
-    double *x = nullptr, *host_x = nullptr;
-    const reduced_step step = solver.solve(ctx, damping, x, host_x);
-    if (!step.solved) return step;
-    const int from = problem_.current_, to = 1 - from, frames = problem_.structure_.frames;
-    for_each_index(ctx.policy(), gain_count(),
-                   substitute{s, x, damping, problem_.landmarks_[from].data(), problem_.landmarks_[to].data(), gains_,
-                              landmarks()});
-    for_each_index(ctx.policy(), frames,
-                   retract_frames<Frame>{problem_.free_of_frame_.data(), x, problem_.states_[from].data(),
-                                         problem_.states_[to].data()});
-    for_each_index(ctx.policy(), frames, prepare_poses<Frame>{problem_.states_[to].data(), problem_.poses_[to].data()});
-    auto& buffer = problem_.workspace_.sums;
-    const double* gains = on_host(ctx, gains_, static_cast<std::size_t>(gain_count()), buffer);
-    predicted = detail::sum_in_order(gains, static_cast<std::size_t>(gain_count()));
-    const std::size_t n = static_cast<std::size_t>(s.free_frames) * D;
-    predicted = detail::dot_in_order(host_x, on_host(ctx, s.b, n, buffer), n, predicted);
-    const double* H = nullptr;
-    if (damping.scaled)
-      H = on_host(ctx, s.H, static_cast<std::size_t>(s.free_frames) * frame_block<D>::triangle, buffer);
-    predicted = detail::damped_square<D>(damping, H, host_x, n, predicted);
-    return step;
-  }
-  int landmarks() const { return problem_.structure_.landmarks; }
-  int gain_count() const { return (landmarks() + substitute::landmarks_an_index - 1) / substitute::landmarks_an_index; }
-
-  /// The solver `automatic` stands for. A matrix with few empty blocks gains nothing from sparsity.
+  /// The solver that `automatic` stands for, among those of the program. A matrix with few empty blocks gains nothing from
+  /// sparsity.
+  template <class Solvers>
   reduced_solver choose(bool blocks_known) const {
-    const int unknowns = problem_.structure_.free_frames * D;
     if (options_.solver != reduced_solver::automatic) return options_.solver;
-    if (unknowns <= options_.dense_limit) return reduced_solver::dense;
-    if (unknowns > options_.sparse_limit) return reduced_solver::pcg;
-    const double f = problem_.structure_.free_frames,
-                 blocks = static_cast<double>(problem_.structure_.block_row.size());
+    constexpr bool dense = Solvers::has(reduced_solver::dense), sparse = Solvers::has(reduced_solver::sparse);
+    constexpr bool pcg = Solvers::has(reduced_solver::pcg);
+    const int unknowns = data_.structure.free_frames * D;
+    if (dense && (unknowns <= options_.dense_limit || !(sparse || pcg))) return reduced_solver::dense;
+    if (!pcg) return sparse ? reduced_solver::sparse : reduced_solver::dense;
+    if (!sparse || unknowns > options_.sparse_limit) return reduced_solver::pcg;
+    const double f = data_.structure.free_frames, blocks = static_cast<double>(data_.structure.block_row.size());
     return blocks_known && blocks > options_.sparse_fill * f * f / 2 ? reduced_solver::pcg : reduced_solver::sparse;
   }
 
-  Problem& problem_;
+  context<Policy>& ctx_;
+  Data& data_;
   const adjustment_options& options_;
-  normal_equations<Problem, G, A> equations_;
   clock::time_point start_;
+  normal_equations<Data, G, A> equations_;
   adjustment_summary summary_;
   double* gains_ = nullptr;
 };
 
-/// Adjusts a problem: moves its free frames and landmarks to where the sum of rho(chi2) of all factors is least.
-/// Levenberg-Marquardt (one iteration = one linearisation with all its retries), landmarks eliminated by the Schur
-/// complement. The same input gives the same bits, run by run and for any number of threads.
-/// \return what happened; where no step was accepted the estimate is to the bit what was given
-/// \throws std::invalid_argument  an option is out of range
-template <class Policy, class Frame, class... Groups>
-adjustment_summary adjust(context<Policy>& ctx, bundle_problem<Policy, Frame, Groups...>& problem,
-                          const adjustment_options& options = {}) {
-  require(options.max_iterations >= 0, "options.max_iterations", options.max_iterations, "must not be negative");
-  require(options.max_retries >= 0, "options.max_retries", options.max_retries, "must not be negative");
-  require(options.initial_lambda >= 0 && detail::is_finite(options.initial_lambda), "options.initial_lambda",
-          options.initial_lambda, "must be finite and not negative");
-  require(options.initial_lambda_scale > 0 && detail::is_finite(options.initial_lambda_scale),
-          "options.initial_lambda_scale", options.initial_lambda_scale, "must be finite and positive");
-  require(options.min_relative_decrease >= 0, "options.min_relative_decrease", options.min_relative_decrease,
+namespace detail {
+
+/// Throws std::invalid_argument where an option is out of range, or not among the methods of the program.
+template <class Methods>
+void require_options(const adjustment_options& o) {
+  require(o.max_iterations >= 0, "options.max_iterations", o.max_iterations, "must not be negative");
+  require(o.max_retries >= 0, "options.max_retries", o.max_retries, "must not be negative");
+  require(o.initial_lambda >= 0 && is_finite(o.initial_lambda), "options.initial_lambda", o.initial_lambda,
+          "must be finite and not negative");
+  require(o.initial_lambda_scale > 0 && is_finite(o.initial_lambda_scale), "options.initial_lambda_scale",
+          o.initial_lambda_scale, "must be finite and positive");
+  require(o.min_relative_decrease >= 0, "options.min_relative_decrease", o.min_relative_decrease,
           "must not be negative");
-  require(options.slow_iterations > 0, "options.slow_iterations", options.slow_iterations, "must be positive");
-  require(options.pcg_tolerance > 0, "options.pcg_tolerance", options.pcg_tolerance, "must be positive");
-  require(options.pcg_max_iterations > 0, "options.pcg_max_iterations", options.pcg_max_iterations, "must be positive");
-  using problem_type = bundle_problem<Policy, Frame, Groups...>;
-  switch (options.numbers) {
-    case precision::mixed:
-      return levenberg_marquardt<problem_type, double, float>::run(ctx, problem, options);
-    case precision::float32:
-      return levenberg_marquardt<problem_type, float, float>::run(ctx, problem, options);
-    default:
-      return levenberg_marquardt<problem_type, double, double>::run(ctx, problem, options);
-  }
+  require(o.slow_iterations > 0, "options.slow_iterations", o.slow_iterations, "must be positive");
+  require(o.pcg_tolerance > 0, "options.pcg_tolerance", o.pcg_tolerance, "must be positive");
+  require(o.pcg_max_iterations > 0, "options.pcg_max_iterations", o.pcg_max_iterations, "must be positive");
+  require(o.solver == reduced_solver::automatic || Methods::solvers::has(o.solver), "options.solver",
+          to_string(o.solver), "is not compiled: name it in the methods of adjust()");
+  require(Methods::precisions::has(o.numbers), "options.numbers", to_string(o.numbers),
+          "is not compiled: name it in the methods of adjust()");
+}
+
+}  // namespace detail
+
+/// Adjusts a problem: moves its free frames and landmarks to where the sum of rho(chi2) of all factors is least. One
+/// iteration is one linearisation with all its retries. The same input gives the same bits, run by run, for any host policy
+/// and any number of threads.
+/// \tparam Methods  the solvers and precisions that the options may ask for (methods.hpp); only these are compiled
+/// \return what happened; where no step was accepted the estimate is to the bit what was given
+/// \throws std::invalid_argument  an option is out of range, or asks for what is not among Methods
+template <class Methods = adjustment_methods<>, class Policy, class Frame, class... Groups>
+adjustment_summary adjust(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Policy>, Frame, Groups...>& problem,
+                          const adjustment_options& options = {}) {
+  using solvers = typename Methods::solvers;
+  using precisions = typename Methods::precisions;
+  using data = problem_data<memory_of_t<Policy>, Frame, Groups...>;
+  detail::require_options<Methods>(options);
+  if constexpr (precisions::has(precision::float64))
+    if (options.numbers == precision::float64)
+      return levenberg_marquardt<Policy, data, double, double>(ctx, problem.data(), options).template run<solvers>();
+  if constexpr (precisions::has(precision::mixed))
+    if (options.numbers == precision::mixed)
+      return levenberg_marquardt<Policy, data, double, float>(ctx, problem.data(), options).template run<solvers>();
+  if constexpr (precisions::has(precision::float32))
+    if (options.numbers == precision::float32)
+      return levenberg_marquardt<Policy, data, float, float>(ctx, problem.data(), options).template run<solvers>();
+  return {};  // not reached: require_options() has thrown
 }
 
 TURBOMAP_END_NAMESPACE

@@ -3,66 +3,19 @@
 #pragma once
 
 /// \file
-/// Function objects that linearise a chunk of reprojections, or sum its robust cost: index = chunk.
-
-#include <cstdint>
+/// Linearises reprojections: residuals, their derivatives, and what the normal equations get of them. Frame and landmark
+/// act through one thing, the point X in body coordinates, so each observation is reduced to the 3x3 matrix M = d^T w d of
+/// its derivatives by X. The rest follows from M: the landmark moves X by R dx, the frame by omega x X + v.
 
 #include "../config.hpp"
-#include "../types.hpp"
+#include "../parallel.hpp"
+#include "factor_sums.hpp"
 #include "reprojection.hpp"
-#include "structure.hpp"
+#include "reprojection_view.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Sizes of what a factor with landmarks gives, V = unknowns of the frame that it depends on. Symmetric matrices are
-/// lower
-/// triangles, row by row; b is the negative gradient.
-template <int V>
-struct landmark_block {
-  static constexpr int triangle = V * (V + 1) / 2;
-  static constexpr int partial = triangle + V;  ///< of a chunk: H of the frame, b of the frame
-  static constexpr int row = 9;                 ///< of an observation: H of the landmark (6), b of the landmark (3)
-  static constexpr int coupling = 3 * V;        ///< of an observation: column by column, d_frame^T w d_landmark
-};
-
-/// What the functions of all groups write into. [chunk] is counted over all groups.
-template <class A>
-struct landmark_sums {
-  double* partial;
-  A* row;
-  A* coupling;
-};
-
-/// A group of reprojections where the policy computes, in the order of its structure.
-template <class Camera, class Kernel>
-struct reprojection_view {
-  const observation_chunk* chunks;
-  const adjustment_camera<Camera>* cameras;
-  const std::int32_t* landmark;
-  const std::int32_t* row;
-  const std::int32_t* coupling;
-  const double* u;
-  const double* v;
-  const double* u_right;
-  const double* information;
-  Kernel mono, stereo;
-  double undefined_chi2;
-  int first_partial;
-
-  template <class T, int N>
-  TURBOMAP_HD vec3<pack<T, N>> points(const double* landmarks, int i) const {
-    using P = pack<T, N>;
-    return {P::gather(landmarks, landmark + i, landmark_stride),
-            P::gather(landmarks + 1, landmark + i, landmark_stride),
-            P::gather(landmarks + 2, landmark + i, landmark_stride)};
-  }
-  template <class T, int N>
-  TURBOMAP_HD vec3<pack<T, N>> measurements(int i) const {
-    return {convert<T>(pack<double, N>::load(u + i)), convert<T>(pack<double, N>::load(v + i)),
-            convert<T>(pack<double, N>::load(u_right + i))};
-  }
-};
-
+/// Index = chunk.
 /// \tparam G  numbers of residuals  \tparam A  numbers of the normal equations  \tparam N  lanes
 template <class Camera, class Kernel, class G, class A, int N, int V>
 struct linearise_reprojections {
@@ -71,7 +24,7 @@ struct linearise_reprojections {
   reprojection_view<Camera, Kernel> group;
   const isometry<double>* T_bw;  ///< [frame]
   const double* landmarks;
-  landmark_sums<A> sums;
+  factor_sums<A> sums;
 
   TURBOMAP_HD void operator()(int chunk) const {
     const observation_chunk& c = group.chunks[chunk];
@@ -103,7 +56,7 @@ struct linearise_reprojections {
       observe<Stereo>(c, c.begin + i, c.count - i < N ? c.count - i : N, kernel, camera, T, R, H, b);
     }
     if (c.free < 0) return;
-    double* out = sums.partial + static_cast<std::ptrdiff_t>(group.first_partial + chunk) * block::partial;
+    double* out = sums.chunk_partial + static_cast<std::ptrdiff_t>(group.first_chunk + chunk) * block::partial;
     for (int i = 0; i < block::partial; ++i) out[i] = 0;
     for (int i = 0; i < 21; ++i) out[i] = static_cast<double>(sum(H[i]));
     for (int i = 0; i < 6; ++i) out[block::triangle + i] = static_cast<double>(sum(b[i]));
@@ -184,74 +137,14 @@ struct linearise_reprojections {
   }
 };
 
-/// Robust cost of a chunk, and how many of its observations are not defined.
-template <class Camera, class Kernel, class G, int N>
-struct cost_of_reprojections {
-  reprojection_view<Camera, Kernel> group;
-  const isometry<double>* T_bw;
-  const double* landmarks;
-  double* cost;       ///< [chunk] counted over all groups
-  double* undefined;  ///< [chunk]
-
-  TURBOMAP_HD void operator()(int chunk) const {
-    const observation_chunk& c = group.chunks[chunk];
-    if (c.kind % 2 == 1)
-      chunk_of<true>(c, group.stereo, chunk);
-    else
-      chunk_of<false>(c, group.mono, chunk);
-  }
-
- private:
-  template <bool Stereo>
-  TURBOMAP_HD void chunk_of(const observation_chunk& c, const Kernel& kernel, int chunk) const {
-    using P = pack<G, N>;
-    const P one(G(1)), zero(G(0));
-    double rho_undefined, unused;
-    kernel(group.undefined_chi2, rho_undefined, unused);
-    P total = zero, missing = zero;
-    for (int i = c.begin; i < c.begin + c.count; i += N) {
-      lane_reprojection<G, G, N> r;
-      const auto body = transform(T_bw[c.frame], group.template points<G, N>(landmarks, i));
-      r.template compute<false, Stereo>(group.cameras[c.kind / 2], body, group.template measurements<G, N>(i));
-      const auto information = convert<G>(pack<double, N>::load(group.information + i));
-      P chi2 = r.e[0] * r.e[0] + r.e[1] * r.e[1], rho, weight;
-      if constexpr (Stereo) chi2 = chi2 + r.e[2] * r.e[2];
-      apply_kernel(kernel, information * chi2, rho, weight);
-      total = total + rho * r.defined;
-      missing = missing + select_greater(information, zero, one - r.defined, zero);  // padding has no information
-    }
-    const double undefined_count = static_cast<double>(sum(missing));
-    cost[group.first_partial + chunk] = static_cast<double>(sum(total)) + undefined_count * rho_undefined;
-    undefined[group.first_partial + chunk] = undefined_count;
-  }
-};
-
-/// chi2 (not robust; undefined_chi2 where not defined) and depth in its camera of each entry of a chunk.
-template <class Camera, class Kernel>
-struct chi2_of_reprojections {
-  reprojection_view<Camera, Kernel> group;
-  const isometry<double>* T_bw;
-  const double* landmarks;
-  double* chi2;   ///< [entry]
-  double* depth;  ///< [entry] m
-
-  TURBOMAP_HD void operator()(int chunk) const {
-    const observation_chunk& c = group.chunks[chunk];
-    const auto& camera = group.cameras[c.kind / 2];
-    for (int i = c.begin; i < c.begin + c.count; ++i) {
-      lane_reprojection<double, double, 1> r{};
-      const auto body = transform(T_bw[c.frame], group.template points<double, 1>(landmarks, i));
-      const auto measured = group.template measurements<double, 1>(i);
-      if (c.kind % 2 == 1)
-        r.template compute<false, true>(camera, body, measured);
-      else
-        r.template compute<false, false>(camera, body, measured);
-      double s = r.e[0].v[0] * r.e[0].v[0] + r.e[1].v[0] * r.e[1].v[0];
-      if (c.kind % 2 == 1) s += r.e[2].v[0] * r.e[2].v[0];
-      chi2[i] = r.defined.v[0] > 0 ? s * group.information[i] : group.undefined_chi2;
-      depth[i] = (camera.is_body ? body : transform(camera.T_camera_body, body)).z.v[0];
-    }
-  }
-};
+/// \tparam G  numbers of residuals  \tparam V  unknowns of a frame that its observations depend on
+template <class G, int V, class Derived, class Camera, class Kernel, class A>
+void launch_linearise_reprojections(const thrust::execution_policy<Derived>& policy,
+                                    const reprojection_view<Camera, Kernel>& group, const isometry<double>* T_bw,
+                                    const double* landmarks, const factor_sums<A>& sums) {
+  constexpr int lanes = observation_shape<memory_of_t<Derived>>::lanes;
+  for_each_index(policy, group.chunk_count,
+                 linearise_reprojections<Camera, Kernel, G, A, lanes, V>{group, T_bw, landmarks, sums});
+}
 
 TURBOMAP_END_NAMESPACE

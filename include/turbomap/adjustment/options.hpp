@@ -13,8 +13,7 @@
 
 namespace turbomap {
 
-/// Which numbers an adjustment computes in. States, and the cost that decides about a step, are float64 in the first
-/// two.
+/// Which numbers an adjustment computes in. States, and the cost that decides about a step, are float64 in the first two.
 enum class precision : std::uint8_t {
   float64,
   mixed,   ///< residuals in float64, normal equations in float32, their reduced system factorised in float64
@@ -50,7 +49,7 @@ struct adjustment_options {
   double min_predicted_decrease = 1e-14;    ///< ends where a step promises less than this times the cost
   double time_budget_ms = 0;                ///< ends after the iteration that exceeds it; 0: no limit
   const std::atomic<bool>* stop = nullptr;  ///< looked at between steps; honoured within one iteration
-  precision numbers = precision::float64;
+  precision numbers = precision::mixed;
   reduced_solver solver = reduced_solver::automatic;
   int dense_limit = 1200;      ///< unknowns up to which `automatic` takes the dense solver
   int sparse_limit = 12000;    ///< unknowns up to which it takes the sparse one
@@ -112,6 +111,32 @@ inline const char* to_string(adjustment_end end) {
       return "the cost at the start is not finite";
     case adjustment_end::singular:
       return "the reduced system is singular";
+  }
+  return "unknown";
+}
+
+inline const char* to_string(precision numbers) {
+  switch (numbers) {
+    case precision::float64:
+      return "float64";
+    case precision::mixed:
+      return "mixed";
+    case precision::float32:
+      return "float32";
+  }
+  return "unknown";
+}
+
+inline const char* to_string(reduced_solver solver) {
+  switch (solver) {
+    case reduced_solver::automatic:
+      return "automatic";
+    case reduced_solver::dense:
+      return "dense";
+    case reduced_solver::sparse:
+      return "sparse";
+    case reduced_solver::pcg:
+      return "pcg";
   }
   return "unknown";
 }

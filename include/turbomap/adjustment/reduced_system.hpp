@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// The reduced system of the frames, block by block: what is left when the landmarks are eliminated (schur.hpp). Each
-/// block gathers its own sum from a fixed list.
+/// The reduced system of the frames, block by block: what is left when the landmarks are eliminated. A block gathers the
+/// products of the columns (eliminate_landmarks.hpp) of all landmarks that its two frames share, from a fixed list.
 
 #include <cstddef>
 #include <numeric>
@@ -12,7 +12,8 @@
 #include "../config.hpp"
 #include "../math/pack.hpp"
 #include "../parallel.hpp"
-#include "schur.hpp"
+#include "damping.hpp"
+#include "schur_view.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -113,7 +114,7 @@ struct reduce_blocks {
     }
     for (int k = s.block_factor[b]; k < s.block_factor[b + 1]; ++k) {
       const int code = s.factor_list[k];
-      const double* square = s.factor_square + static_cast<std::ptrdiff_t>(code / 2) * D * D;
+      const double* square = s.sums.factor_square + static_cast<std::ptrdiff_t>(code / 2) * D * D;
       for (int r = 0; r < D; ++r)
         for (int c = 0; c < D; ++c)
           S[static_cast<std::ptrdiff_t>(r) * stride + c] += code % 2 == 0 ? square[r * D + c] : square[c * D + r];
@@ -122,8 +123,9 @@ struct reduce_blocks {
 };
 
 /// All blocks of the reduced system.
-template <class A, int V, int D, class Policy>
-void launch_reduction(const Policy& policy, const schur_view<A>& s, const reduced_layout& out, const damping& damping) {
+template <int V, int D, class Derived, class A>
+void launch_reduce_blocks(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s,
+                          const reduced_layout& out, const damping& damping) {
   const int count = s.free_frames + s.blocks;
   int step = count / 2 + count / 8;  // any number without a common divisor
   while (step > 1 && std::gcd(step, count) != 1) --step;

@@ -3,86 +3,23 @@
 #pragma once
 
 /// \file
-/// Residuals of reprojections and their derivatives by the point in the body's coordinates, lane by lane: what the
-/// built-in
-/// factor group computes. A pinhole is computed in packs, any other camera by its own functions, one lane after the
-/// other.
+/// Residuals of reprojections and their derivatives by the point in the coordinates of the body: what the built-in factor
+/// group computes, several observations at once (lanes of packs). Pinhole and Kannala-Brandt cameras are computed in packs,
+/// any other camera by its own functions, one lane after the other.
 
 #include <cmath>
 #include <cstdint>
 
-#include "../camera/any_camera.hpp"
 #include "../camera/camera_concept.hpp"
-#include "../camera/kannala_brandt.hpp"
-#include "../camera/rig.hpp"
 #include "../config.hpp"
-#include "../error.hpp"
 #include "../math/dual.hpp"
 #include "../math/functions.hpp"
 #include "../math/linear.hpp"
 #include "../math/pack_convert.hpp"
 #include "../math/pack_functions.hpp"
+#include "adjustment_camera.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
-
-/// Lanes the host computes with; a device thread computes one.
-inline constexpr int host_lanes = TURBOMAP_VECTOR_BYTES > 0 ? 8 : 1;
-
-/// A landmark takes this many doubles: one aligned vector.
-inline constexpr int landmark_stride = 4;
-
-/// True, with the model in double, where a camera is of this model: it is computed in packs then.
-template <class Camera>
-bool as_kannala_brandt(const Camera&, kannala_brandt<double>&) {
-  return false;
-}
-template <class T>
-bool as_kannala_brandt(const kannala_brandt<T>& c, kannala_brandt<double>& model) {
-  model.fx = c.fx, model.fy = c.fy, model.cx = c.cx, model.cy = c.cy;
-  model.k1 = c.k1, model.k2 = c.k2, model.k3 = c.k3, model.k4 = c.k4;
-  return true;
-}
-template <class... Cameras>
-bool as_kannala_brandt(const any_camera<Cameras...>& c, kannala_brandt<double>& model) {
-  bool is = false;
-  c.visit([&](const auto& held) { is = as_kannala_brandt(held, model); });
-  return is;
-}
-
-/// A camera of the rig, prepared.
-template <class Camera>
-struct adjustment_camera {
-  Camera camera;
-  isometry<double> T_camera_body;
-  pinhole<double> K;               ///< where straight
-  kannala_brandt<double> fisheye;  ///< where round
-  double bf;
-  double correlation;  ///< of the errors of u and u_right
-  double whitening;    ///< 1 / sqrt(1 - correlation^2)
-  bool straight;       ///< a pinhole: computed in packs
-  bool round;          ///< a Kannala-Brandt camera: the same
-  bool is_body;        ///< T_camera_body is the identity
-
-  adjustment_camera() = default;
-  TURBOMAP_ONE_BODY explicit adjustment_camera(const rig_camera<Camera>& c, double stereo_correlation = 0)
-      : camera(c.camera),
-        T_camera_body(to_isometry<double>(c.T_camera_body)),
-        K(),
-        fisheye(),
-        bf(c.bf),
-        correlation(stereo_correlation),
-        whitening(1 / std::sqrt(1 - stereo_correlation * stereo_correlation)) {
-    straight = as_pinhole(c.camera, K);
-    round = as_kannala_brandt(c.camera, fisheye);
-    const auto& T = c.T_camera_body;
-    is_body = T.qx == 0 && T.qy == 0 && T.qz == 0 && T.tx == 0 && T.ty == 0 && T.tz == 0;
-  }
-};
-
-/// Throws std::invalid_argument.
-inline void require_correlation(double correlation, const char* argument) {
-  require(correlation >= 0 && correlation < 1, argument, correlation, "must be at least 0 and below 1");
-}
 
 /// Pixel and derivative of one point in camera coordinates; dual numbers where the model has no derivative.
 template <class Camera>
@@ -109,8 +46,8 @@ TURBOMAP_HD vec3<pack<T, N>> transform(const isometry<double>& T_ab, const vec3<
           multiply_add(c[6], x.x, multiply_add(c[7], x.y, multiply_add(c[8], x.z, P(static_cast<T>(T_ab.t.z)))))};
 }
 
-/// Rows (u, v and, where Stereo, u_right) of N observations. What u's error says of u_right's is taken out of the third
-/// row, and what is left scaled to sigma: rows are independent then.
+/// Rows (u, v and, where Stereo, u_right) of N observations. What the error of u says about that of u_right is taken out of
+/// the third row, and what is left is scaled to sigma: rows are independent then.
 /// \tparam G  numbers of residuals   \tparam A  numbers of derivatives
 template <class G, class A, int N>
 struct lane_reprojection {
@@ -174,9 +111,8 @@ struct lane_reprojection {
     }
   }
 
-  /// The formulas of kannala_brandt. False, where a lane is on the optical axis or may be beyond a fold of the
-  /// polynomial:
-  /// then all are left to the camera's own functions.
+  /// The formulas of kannala_brandt. False where a lane is on the optical axis or may be beyond a fold of the polynomial:
+  /// then all are left to the functions of the camera.
   template <bool Derivative>
   TURBOMAP_HD bool round(const kannala_brandt<double>& c, const vec3<pack<G, N>>& p, const vec3<pack<G, N>>& measured) {
     using P = pack<G, N>;

@@ -3,7 +3,8 @@
 #pragma once
 
 /// \file
-/// Arrays that are filled on the host and read where the policy computes.
+/// Arrays that the host and the policy both look at. Under a host policy they are one array, else a copy is made; which of
+/// the two is decided by overloads and specialisations on the memory that the policy computes in.
 
 #include <cstddef>
 #include <vector>
@@ -11,10 +12,55 @@
 #include "../array.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../span.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// A host vector, and under CUDA its copy on the device.
+/// What the policy reads of an array of the host.
+template <class T, class Memory>
+class resident_copy {
+ public:
+  explicit resident_copy(std::pmr::memory_resource* resource = default_resource(Memory{})) : copy_(resource) {}
+
+  /// Makes `n` elements readable to the policy. Enqueued under CUDA; what is at `from` must stay until it has passed.
+  template <class Policy>
+  void send(const Policy& policy, const T* from, std::size_t n) {
+    copy_.resize_discard(n);
+    copy_in(policy, copy_.data(), from, n * sizeof(T));
+  }
+  template <class Policy>
+  void send(const Policy& policy, const std::vector<T>& from) {
+    send(policy, from.data(), from.size());
+  }
+
+  /// Where the policy computes.
+  const T* data() const { return copy_.data(); }
+
+ private:
+  array<T, Memory> copy_;
+};
+
+/// Host memory: read in place, so what was sent must stay as long as it is read.
+template <class T>
+class resident_copy<T, host_memory> {
+ public:
+  explicit resident_copy(std::pmr::memory_resource* = nullptr) {}
+
+  template <class Policy>
+  void send(const Policy&, const T* from, std::size_t) {
+    data_ = from;
+  }
+  template <class Policy>
+  void send(const Policy&, const std::vector<T>& from) {
+    data_ = from.data();
+  }
+  const T* data() const { return data_; }
+
+ private:
+  const T* data_ = nullptr;
+};
+
+/// A host vector, and what the policy reads of it.
 template <class T, class Memory>
 class uploaded {
  public:
@@ -23,30 +69,54 @@ class uploaded {
   std::vector<T>& host() { return host_; }
   const std::vector<T>& host() const { return host_; }
 
-  /// Makes what the host holds readable to the policy. Enqueued under CUDA; the host's must stay until it has passed.
   template <class Policy>
   void send(const Policy& policy) {
-    send_from(policy, host_.data(), host_.size());
+    resident_.send(policy, host_);
   }
-  /// The same from elsewhere, for what is only read in place under a host policy.
-  template <class Policy>
-  void send_from(const Policy& policy, const T* from, std::size_t n) {
-    if constexpr (std::is_same_v<Memory, host_memory>) {
-      data_ = from;
-    } else {
-      resident_.resize_discard(n);
-      copy_in(policy, resident_.data(), from, n * sizeof(T));
-      data_ = resident_.data();
-    }
-  }
-
-  /// Where the policy computes; null before the first send().
-  const T* data() const { return data_; }
+  const T* data() const { return resident_.data(); }
 
  private:
   std::vector<T> host_;
-  array<T, Memory> resident_;
-  const T* data_ = nullptr;
+  resident_copy<T, Memory> resident_;
 };
+
+namespace detail {
+
+template <class T, class Policy>
+T* on_host(host_memory, context<Policy>&, T* data, std::size_t, std::vector<T>&) {
+  return data;
+}
+template <class Memory, class T, class Policy>
+T* on_host(Memory, context<Policy>& ctx, T* data, std::size_t n, std::vector<T>& buffer) {
+  buffer.resize(n);
+  copy_out(ctx.policy(), buffer.data(), data, n * sizeof(T));
+  ctx.synchronize();
+  return buffer.data();
+}
+
+template <class T, class Policy>
+const T* resident(host_memory, context<Policy>&, span<const T> view) {
+  return view.data();
+}
+template <class Memory, class T, class Policy>
+const T* resident(Memory, context<Policy>& ctx, span<const T> view) {
+  T* to = ctx.template scratch<T>(view.size());
+  copy_in(ctx.policy(), to, view.data(), view.size() * sizeof(T));
+  return to;
+}
+
+}  // namespace detail
+
+/// `n` elements of the policy's memory for the host to read and write: in place, or copied into `buffer`. Waits.
+template <class T, class Policy>
+T* on_host(context<Policy>& ctx, T* data, std::size_t n, std::vector<T>& buffer) {
+  return detail::on_host(memory_of_t<Policy>{}, ctx, data, n, buffer);
+}
+
+/// A view of the caller's for the policy to read: in place, or copied into scratch memory of this call. Empty: null.
+template <class T, class Policy>
+const T* resident(context<Policy>& ctx, span<const T> view) {
+  return view.empty() ? nullptr : detail::resident(memory_of_t<Policy>{}, ctx, view);
+}
 
 TURBOMAP_END_NAMESPACE

@@ -28,7 +28,8 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// adjust() on a user's map. Of one context. Huber kernels, information by octave; cameras are those of the keyframes in the
 /// store. Observations beyond their gate, or behind their camera, are taken out of the map.
-template <class Map, class Policy>
+/// \tparam Methods  the solvers and precisions that the options may ask for: see adjust()
+template <class Map, class Policy, class Methods = adjustment_methods<>>
 class local_adjustment {
  public:
   using traits = map_traits<Map>;
@@ -75,8 +76,7 @@ class local_adjustment {
   /// Adjusts it. \return whether there is something to write
   bool compute(const scope& s, const local_adjustment_options& options, local_adjustment_summary& summary) {
     if (summary.free_keyframes == 0 || summary.observations == 0) {
-      summary.solve.end =
-          summary.observations == 0 ? adjustment_end::no_observations : adjustment_end::nothing_free;
+      summary.solve.end = summary.observations == 0 ? adjustment_end::no_observations : adjustment_end::nothing_free;
       return false;
     }
     measurements_.gather(s, window_, options.scales);
@@ -88,7 +88,7 @@ class local_adjustment {
     rows.stereo_correlation = options.stereo_correlation;
     rows.mono_kernel.delta2 = options.mono_chi2, rows.stereo_kernel.delta2 = options.stereo_chi2;
     problem_.assign(s.ctx, {window_.frames().T_cw(), window_.fixed()}, {window_.positions(), {}}, rows);
-    summary.solve = adjust(s.ctx, problem_, options.solve);
+    summary.solve = adjust<Methods>(s.ctx, problem_, options.solve);
     if (summary.solve.accepted == 0) return false;
     problem_.frames(s.ctx, T_cw_);
     problem_.landmarks(s.ctx, positions_);
@@ -103,7 +103,8 @@ class local_adjustment {
     const auto& frames = window_.frames();
     for (std::size_t f = 0; f < frames.size(); ++f)
       if (window_.fixed()[f] == 0)
-        summary.stale = summary.stale || !traits::alive(map, frames[f]) || !same(pose_of(map, frames[f]), frames.T_cw()[f]);
+        summary.stale =
+            summary.stale || !traits::alive(map, frames[f]) || !same(pose_of(map, frames[f]), frames.T_cw()[f]);
     if (summary.stale) return;
     find_outliers(map, options);
     lost_views_.reserve(outliers_.size());
@@ -169,10 +170,10 @@ class local_adjustment {
   adjustment_window<Map> window_;
   window_measurements<Map, Policy> measurements_;
   bundle_problem<Policy, pose_frame, reprojections<camera>> problem_;
-  std::vector<rigid_transform<double>> T_cw_;   ///< by frame, adjusted
-  std::vector<vec3<double>> positions_;         ///< by point, adjusted
-  std::vector<double> chi2_, depth_;            ///< by row, at the end
-  std::vector<std::size_t> outliers_;           ///< rows
+  std::vector<rigid_transform<double>> T_cw_;  ///< by frame, adjusted
+  std::vector<vec3<double>> positions_;        ///< by point, adjusted
+  std::vector<double> chi2_, depth_;           ///< by row, at the end
+  std::vector<std::size_t> outliers_;          ///< rows
   std::vector<point> lost_views_;
 };
 

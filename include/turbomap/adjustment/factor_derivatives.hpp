@@ -3,19 +3,15 @@
 #pragma once
 
 /// \file
-/// Function objects that linearise a user's own factors, or sum their robust cost: with landmarks (index = chunk), of
-/// one
-/// frame and between two (index = factor).
+/// Residuals of the user's own factors with their derivatives: the factor's linearise() where it has one, else dual numbers
+/// through its residual(); and what the normal equations get of them.
 
-#include <cstddef>
-#include <cstdint>
 #include <type_traits>
 #include <utility>
 
 #include "../config.hpp"
 #include "../math/dual.hpp"
-#include "linearise_reprojections.hpp"
-#include "structure.hpp"
+#include "../types.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -128,89 +124,5 @@ TURBOMAP_HD void add_normal_equations(const double* d, const double* e, double w
 }
 
 }  // namespace detail
-
-/// A group of landmark_factors where the policy computes, in the order of its structure.
-template <class Factor, class Kernel>
-struct landmark_factor_view {
-  const observation_chunk* chunks;
-  const std::int32_t* landmark;
-  const std::int32_t* row;
-  const std::int32_t* coupling;
-  const typename Factor::row* rows;
-  Factor factor;
-  Kernel kernel;
-  double undefined_chi2;
-  int first_partial;
-
-  TURBOMAP_HD vec3<double> point(const double* landmarks, int i) const {
-    const double* p = landmarks + static_cast<std::ptrdiff_t>(landmark[i]) * landmark_stride;
-    return {p[0], p[1], p[2]};
-  }
-};
-
-template <class Frame, class Factor, class Kernel, class A>
-struct linearise_landmark_factors {
-  static constexpr int V = Frame::landmark_dof, size = Factor::size;
-  using block = landmark_block<V>;
-  landmark_factor_view<Factor, Kernel> group;
-  const typename Frame::template state<double>* states;
-  const double* landmarks;
-  landmark_sums<A> sums;
-
-  TURBOMAP_HD void operator()(int chunk) const {
-    const observation_chunk& c = group.chunks[chunk];
-    double total[block::partial] = {};
-    for (int i = c.begin; i < c.begin + c.count; ++i) {
-      double e[size], d_frame[size * V], d_landmark[size * 3], rho, w = 0, h[block::row] = {};
-      const bool defined = linearise<Frame>(group.factor, states[c.frame], group.point(landmarks, i), group.rows[i], e,
-                                            d_frame, d_landmark);
-      const double chi2 = defined ? detail::squared_length<size>(e) : 0;
-      if (defined && detail::is_finite(chi2)) {
-        group.kernel(chi2, rho, w);
-        detail::add_normal_equations<size>(d_landmark, e, w, 3, h, h + 6);
-        if (c.free >= 0) detail::add_normal_equations<size>(d_frame, e, w, V, total, total + block::triangle);
-      }
-      for (int k = 0; k < block::row; ++k)
-        sums.row[static_cast<std::ptrdiff_t>(group.row[i]) * block::row + k] = static_cast<A>(h[k]);
-      if (c.free < 0) continue;
-      A* coupling = sums.coupling + static_cast<std::ptrdiff_t>(group.coupling[i]) * block::coupling;
-      for (int k = 0; k < 3; ++k)
-        for (int v = 0; v < V; ++v) {
-          double x = 0;
-          if (w > 0)
-            for (int m = 0; m < size; ++m) x += w * d_frame[m * V + v] * d_landmark[m * 3 + k];
-          coupling[k * V + v] = static_cast<A>(x);
-        }
-    }
-    if (c.free < 0) return;
-    double* out = sums.partial + static_cast<std::ptrdiff_t>(group.first_partial + chunk) * block::partial;
-    for (int k = 0; k < block::partial; ++k) out[k] = total[k];
-  }
-};
-
-template <class Frame, class Factor, class Kernel>
-struct cost_of_landmark_factors {
-  landmark_factor_view<Factor, Kernel> group;
-  const typename Frame::template state<double>* states;
-  const double* landmarks;
-  double* cost;
-  double* undefined;
-  double* chi2;  ///< [entry]; may be null
-
-  TURBOMAP_HD void operator()(int chunk) const {
-    const observation_chunk& c = group.chunks[chunk];
-    double total = 0, missing = 0, rho, unused;
-    for (int i = c.begin; i < c.begin + c.count; ++i) {
-      double e[Factor::size];
-      const bool defined = group.factor.residual(states[c.frame], group.point(landmarks, i), group.rows[i], e);
-      const double s = defined ? detail::squared_length<Factor::size>(e) : group.undefined_chi2;
-      group.kernel(s, rho, unused);
-      total += rho, missing += defined ? 0 : 1;
-      if (chi2 != nullptr) chi2[i] = s;
-    }
-    if (cost != nullptr) cost[group.first_partial + chunk] = total;
-    if (undefined != nullptr) undefined[group.first_partial + chunk] = missing;
-  }
-};
 
 TURBOMAP_END_NAMESPACE

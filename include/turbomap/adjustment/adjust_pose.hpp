@@ -1,0 +1,179 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The pose of one frame from points that are held fixed: Levenberg and Marquardt's method on six unknowns, in rounds; after
+/// each, observations that do not fit are told as outliers and the next round does without them. One frame is the work of one
+/// thread.
+
+#include <cmath>
+#include <cstdint>
+
+#include "../config.hpp"
+#include "../math/pack.hpp"
+#include "../math/rotation.hpp"
+#include "../parallel.hpp"
+#include "adjustment_camera.hpp"
+#include "damping.hpp"
+#include "factor_derivatives.hpp"
+#include "motion_only_options.hpp"
+#include "reprojection.hpp"
+#include "robust.hpp"
+#include "small_cholesky.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Index = frame.
+template <class Camera>
+struct adjust_one_pose {
+  const adjustment_camera<Camera>* cameras;
+  const rigid_transform<double>* guess;
+  const std::int32_t* begin;
+  const vec3<double>* point;
+  const vec3<double>* pixel;
+  const double* information;
+  const std::uint8_t* camera;  ///< null: the first
+  motion_only_options options;
+  posed_frame* result;
+  std::uint8_t* outlier;  ///< [observation]
+
+  TURBOMAP_HD void operator()(int f) const {
+    const int first = begin[f], last = begin[f + 1];
+    posed_frame& r = result[f];
+    r = {guess[f], 0, 0, 0};
+    for (int i = first; i < last; ++i) outlier[i] = 0;
+    if (last - first < options.min_observations) return;
+    rigid_transform<double> T = normalised(guess[f]);
+    bool adjusted = false;
+    for (int round = 0; round < options.rounds; ++round) {
+      const bool robust = round < options.robust_rounds;
+      // [ORB-SLAM3] starts every round at the first guess: a pose that outliers have dragged away does not matter then.
+      rigid_transform<double> candidate = normalised(guess[f]);
+      if (!optimise(first, last, robust, candidate, r.cost)) return give_up(f, first, last);
+      T = candidate, adjusted = true;
+      r.inliers = classify(first, last, T);
+      if (r.inliers < options.min_observations) return give_up(f, first, last);
+    }
+    if (adjusted) r.T_cw = T, r.adjusted = 1;
+  }
+
+ private:
+  TURBOMAP_HD void give_up(int f, int first, int last) const {
+    result[f] = {guess[f], 0, 0, 0};
+    for (int i = first; i < last; ++i) outlier[i] = 1;
+  }
+
+  /// chi2 of an observation, and, where asked for, its part of the normal equations. Negative: not defined.
+  template <bool Derivative>
+  TURBOMAP_HD double observe(int i, const isometry<double>& T, bool robust, double* H, double* b, double& rho) const {
+    using P = pack<double, 1>;
+    const auto& c = cameras[camera == nullptr ? 0 : camera[i]];
+    const bool stereo = c.bf > 0 && pixel[i].z >= 0;
+    const vec3<P> X = transform(T, vec3<P>{P(point[i].x), P(point[i].y), P(point[i].z)});
+    const vec3<P> z{P(pixel[i].x), P(pixel[i].y), P(stereo ? pixel[i].z : 0.0)};
+    lane_reprojection<double, double, 1> r{};
+    if (stereo)
+      r.template compute<Derivative, true>(c, X, z);
+    else
+      r.template compute<Derivative, false>(c, X, z);
+    if (!(r.defined.v[0] > 0)) return -1;
+    const int size = stereo ? 3 : 2;
+    double e[3], chi2 = 0, weight = 1;
+    for (int k = 0; k < size; ++k) e[k] = r.e[k].v[0], chi2 += information[i] * e[k] * e[k];
+    rho = chi2;
+    if (robust) huber{stereo ? options.stereo_chi2 : options.mono_chi2}(chi2, rho, weight);
+    if constexpr (Derivative) {
+      const double x = X.x.v[0], y = X.y.v[0], w = X.z.v[0];
+      for (int k = 0; k < size; ++k) {
+        const double d[3] = {r.d[k][0].v[0], r.d[k][1].v[0], r.d[k][2].v[0]};
+        const double J[6] = {y * d[2] - w * d[1], w * d[0] - x * d[2], x * d[1] - y * d[0], d[0], d[1], d[2]};
+        detail::add_normal_equations<1>(J, e + k, weight * information[i], 6, H, b);
+      }
+    }
+    return chi2;
+  }
+
+  TURBOMAP_HD double cost(int first, int last, bool robust, const rigid_transform<double>& T_cw) const {
+    const isometry<double> T = to_isometry<double>(T_cw);
+    double total = 0;
+    for (int i = first; i < last; ++i) {
+      if (outlier[i] != 0) continue;
+      double rho = 0;
+      // What a step leaves undefined counts as 1000 px off.
+      if (observe<false>(i, T, robust, nullptr, nullptr, rho) < 0) rho = 1e6 * information[i];
+      total += rho;
+    }
+    return total;
+  }
+
+  /// Levenberg-Marquardt on the inliers. False: the cost at the start is not finite.
+  TURBOMAP_HD bool optimise(int first, int last, bool robust, rigid_transform<double>& T_cw, double& best) const {
+    best = cost(first, last, robust, T_cw);
+    if (!detail::is_finite(best)) return false;
+    damping_control control;
+    for (int iteration = 0; iteration < options.iterations;) {
+      const isometry<double> T = to_isometry<double>(T_cw);
+      double H[21] = {}, b[6] = {}, rho;
+      for (int i = first; i < last; ++i)
+        if (outlier[i] == 0) observe<true>(i, T, robust, H, b, rho);
+      if (iteration == 0)
+        for (int i = 0; i < 6; ++i)
+          control.lambda = larger(control.lambda, options.initial_lambda_scale * H[i * (i + 1) / 2 + i]);
+      bool accepted = false;
+      while (!accepted && iteration < options.iterations) {
+        ++iteration;
+        double x[6], predicted = 0;
+        if (solve(H, b, control.lambda, x)) {
+          for (int i = 0; i < 6; ++i) predicted += x[i] * (control.lambda * x[i] + b[i]);
+          if (!(predicted > 1e-14 * best)) return true;
+          const rigid_transform<double> moved = left_exp(x, T_cw);
+          const double after = cost(first, last, robust, moved);
+          accepted = control.accepts(best, after, predicted);
+          if (accepted) best = after, T_cw = moved;
+        } else {
+          control.refuse();
+        }
+      }
+    }
+    return true;
+  }
+
+  /// (H + lambda I) x = b
+  TURBOMAP_HD static bool solve(const double (&H)[21], const double (&b)[6], double lambda, double (&x)[6]) {
+    double L[36];
+    for (int i = 0, at = 0; i < 6; ++i)
+      for (int j = 0; j <= i; ++j, ++at) L[i * 6 + j] = H[at] + (i == j ? lambda : 0);
+    if (!factorise_small<6>(L)) return false;
+    for (int i = 0; i < 6; ++i) x[i] = b[i];
+    solve_lower<6>(L, x);
+    solve_upper<6>(L, x);
+    return true;
+  }
+
+  /// Tells outliers from all observations: beyond the gate, behind the camera, not defined. Returns how many are none.
+  TURBOMAP_HD int classify(int first, int last, const rigid_transform<double>& T_cw) const {
+    const isometry<double> T = to_isometry<double>(T_cw);
+    int inliers = 0;
+    for (int i = first; i < last; ++i) {
+      const auto& c = cameras[camera == nullptr ? 0 : camera[i]];
+      const bool stereo = c.bf > 0 && pixel[i].z >= 0;
+      double rho;
+      const double chi2 = observe<false>(i, T, false, nullptr, nullptr, rho);
+      const double depth = (c.T_camera_body * (T * point[i])).z;
+      const bool good =
+          chi2 >= 0 && chi2 <= (stereo ? options.stereo_chi2 : options.mono_chi2) && (depth > 0 || !c.straight);
+      outlier[i] = good ? 0 : 1;
+      inliers += good ? 1 : 0;
+    }
+    return inliers;
+  }
+};
+
+template <class Derived, class Camera>
+void launch_adjust_poses(const thrust::execution_policy<Derived>& policy, int frames,
+                         const adjust_one_pose<Camera>& work) {
+  for_each_index(policy, frames, work);
+}
+
+TURBOMAP_END_NAMESPACE

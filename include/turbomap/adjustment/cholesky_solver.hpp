@@ -1,0 +1,128 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Solves the reduced system of the frames directly: the policy forms the matrix, the host factorises it, in full (local
+/// windows) or block by block (long trajectories).
+
+#include <cstddef>
+#include <vector>
+
+#include "../config.hpp"
+#include "../context.hpp"
+#include "../parallel.hpp"
+#include "block_cholesky.hpp"
+#include "dense_cholesky.hpp"
+#include "reduced_system.hpp"
+#include "structure.hpp"
+#include "uploaded.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Host memory of the solvers; a problem keeps it.
+template <int D>
+struct solver_workspace {
+  dense_cholesky dense;
+  block_cholesky<D> sparse;
+  bool analysed = false;  ///< `sparse` has the structure of the problem
+  std::vector<double> matrix, x, sums;
+};
+
+/// Steps of the free frames.
+struct reduced_step {
+  bool solved = false;
+  int iterations = 0;            ///< of an iterative solver
+  const double* step = nullptr;  ///< where the policy computes
+  const double* on_host = nullptr;
+};
+
+/// The reduced matrix in full.
+template <int D>
+class dense_system {
+ public:
+  static constexpr bool fills_gaps = true;  ///< the matrix has room for blocks that nothing is summed into
+
+  dense_system(solver_workspace<D>& workspace, const adjustment_structure& s)
+      : factor_(workspace.dense), n_(s.free_frames * D), padded_(dense_cholesky::padded(n_)) {}
+
+  std::size_t unknowns() const { return static_cast<std::size_t>(padded_); }
+  std::size_t size() const { return unknowns() * unknowns(); }
+  reduced_layout layout(double* S, double* rhs) const { return {S, rhs, padded_, true}; }
+  bool factorise(double* S, double tolerance) { return matrix_ = S, factor_.factorise(S, n_, tolerance); }
+  void substitute(double* x) const { factor_.solve(matrix_, n_, x); }
+
+ private:
+  dense_cholesky& factor_;
+  int n_, padded_;
+  double* matrix_ = nullptr;
+};
+
+/// The blocks that exist, one after the other.
+template <int D>
+class sparse_system {
+ public:
+  static constexpr bool fills_gaps = false;
+
+  sparse_system(solver_workspace<D>& workspace, const adjustment_structure& s)
+      : factor_(workspace.sparse), frames_(static_cast<std::size_t>(s.free_frames)), blocks_(s.block_row.size()) {
+    if (!workspace.analysed) factor_.analyse(s.free_frames, s.block_row, s.block_column);
+    workspace.analysed = true;
+  }
+
+  std::size_t unknowns() const { return frames_ * D; }
+  std::size_t size() const { return (frames_ + blocks_) * D * D; }
+  reduced_layout layout(double* S, double* rhs) const { return {S, rhs, 0, false}; }
+  bool factorise(double* S, double tolerance) { return factor_.factorise(S, tolerance); }
+  void substitute(double* x) const { factor_.solve(x); }
+
+ private:
+  block_cholesky<D>& factor_;
+  std::size_t frames_, blocks_;
+};
+
+/// \tparam System  dense_system or sparse_system
+template <class A, int V, int D, class System>
+class cholesky_solver {
+ public:
+  template <class Policy>
+  cholesky_solver(context<Policy>& ctx, const schur_view<A>& s, const adjustment_structure& structure,
+                  solver_workspace<D>& workspace)
+      : s_(s), workspace_(workspace), system_(workspace, structure) {
+    const std::size_t free = static_cast<std::size_t>(s.free_frames) * D;
+    matrix_ = ctx.template scratch<double>(system_.size());
+    x_ = ctx.template scratch<double>(system_.unknowns());
+    fill_bytes(ctx.policy(), x_ + free, 0, (system_.unknowns() - free) * sizeof(double));
+  }
+
+  template <class Policy>
+  reduced_step solve(context<Policy>& ctx, const damping& damping) {
+    if (!factorise(ctx, damping)) return {};
+    double* x = on_host(ctx, x_, unknowns(), workspace_.x);
+    substitute(x);
+    copy_in(ctx.policy(), x_, x, unknowns() * sizeof(double));
+    return {true, 0, x_, x};
+  }
+
+  /// \param tolerance  see dense_cholesky::factorise
+  /// \return false: singular
+  template <class Policy>
+  bool factorise(context<Policy>& ctx, const damping& damping, double tolerance = default_pivot_tolerance) {
+    if (System::fills_gaps) fill_bytes(ctx.policy(), matrix_, 0, system_.size() * sizeof(double));
+    launch_reduce_blocks<V, D>(ctx.policy(), s_, system_.layout(matrix_, x_), damping);
+    return system_.factorise(on_host(ctx, matrix_, system_.size(), workspace_.matrix), tolerance);
+  }
+
+  /// Solves for x in place, on the host; room for unknowns() numbers. After factorise().
+  void substitute(double* x) const { system_.substitute(x); }
+  std::size_t unknowns() const { return system_.unknowns(); }
+
+ private:
+  schur_view<A> s_;
+  solver_workspace<D>& workspace_;
+  System system_;
+  double* matrix_;
+  double* x_;
+};
+
+TURBOMAP_END_NAMESPACE

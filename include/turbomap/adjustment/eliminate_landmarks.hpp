@@ -1,0 +1,109 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Eliminates the landmarks from the normal equations (the Schur complement's first half). The block of each landmark is
+/// 3x3 and meets frames alone, so H = L L^T is factorised landmark by landmark, and its couplings are taken through L: what
+/// is then left for the frames is the products of these columns (reduced_system.hpp).
+
+#include <cmath>
+#include <cstddef>
+
+#include "../config.hpp"
+#include "../math/functions.hpp"
+#include "../math/pack.hpp"
+#include "../parallel.hpp"
+#include "damping.hpp"
+#include "schur_view.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Index = landmark: largest diagonal element of its H.
+template <class A>
+struct scale_of_landmarks {
+  schur_view<A> s;
+  double* diagonal;
+
+  TURBOMAP_HD void operator()(int l) const {
+    double h[9];
+    detail::sum_rows(s, l, h);
+    diagonal[l] = s.moves(l) ? larger(h[0], larger(h[2], h[5])) : 0;
+  }
+};
+
+/// Index = landmark: factorises its block, damped, and takes its couplings through the factor.
+template <class A, int V>
+struct eliminate_landmarks {
+  schur_view<A> s;
+  turbomap::damping damping;
+
+  TURBOMAP_HD void operator()(int l) const {
+    double h[9];
+    detail::sum_rows(s, l, h);
+    eliminated_landmark e{};
+    if (s.moves(l)) factorise(h, e);
+    for (int i = 0; i < 3; ++i) e.b[i] = h[6 + i];
+    e.c[0] = e.inverse[0] * h[6];
+    e.c[1] = e.inverse[1] * h[6] + e.inverse[2] * h[7];
+    e.c[2] = e.inverse[3] * h[6] + e.inverse[4] * h[7] + e.inverse[5] * h[8];
+    s.landmark[l] = e;
+
+    constexpr int n = column_lanes<V>;
+    using P = pack<A, n>;
+    P inverse[6];
+    for (int i = 0; i < 6; ++i) inverse[i] = P(static_cast<A>(e.inverse[i]));
+    for (int slot = s.landmark_slot[l]; slot < s.landmark_slot[l + 1]; ++slot) {
+      P w[3] = {P(A(0)), P(A(0)), P(A(0))};
+      for (int k = s.slot_coupling[slot]; k < s.slot_coupling[slot + 1]; ++k) {
+        const A* coupling = s.sums.coupling + static_cast<std::ptrdiff_t>(k) * 3 * V;
+        for (int m = 0; m < 3; ++m) w[m] = w[m] + P::load(coupling + m * V);
+      }
+      // What a column's store leaves beyond it, the next column overwrites; the last one must not reach the next slot.
+      A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
+      const P z0 = w[0] * inverse[0], z1 = multiply_add(w[0], inverse[1], w[1] * inverse[2]);
+      const P z2 = multiply_add(w[0], inverse[3], multiply_add(w[1], inverse[4], w[2] * inverse[5]));
+      z0.store(z);
+      z1.store(z + V);
+      store_column(z + 2 * V, z2);
+    }
+  }
+
+ private:
+  static_assert(column_lanes<V> <= 2 * V);
+  /// V numbers and none more: the next slot may be another thread's.
+  TURBOMAP_HD static void store_column(A* to, const pack<A, column_lanes<V>>& column) {
+    A lanes[column_lanes<V>];
+    column.store(lanes);
+    for (int i = 0; i < V; ++i) to[i] = lanes[i];
+  }
+
+  /// A direction whose pivot is lost in the rounding of A is left alone: a landmark seen once, hardly damped.
+  TURBOMAP_HD void factorise(const double (&h)[9], eliminated_landmark& e) const {
+    const double noise = 16 * detail::epsilon<A>::value;
+    const double a = h[0] + damping(h[0]), d = h[2] + damping(h[2]), f = h[5] + damping(h[5]);
+    const double i00 = a > 0 ? 1 / ::sqrt(a) : 0;
+    const double l10 = h[1] * i00, l20 = h[3] * i00, p11 = d - l10 * l10;
+    const double i11 = p11 > noise * d ? 1 / ::sqrt(p11) : 0;
+    const double l21 = (h[4] - l20 * l10) * i11, p22 = f - l20 * l20 - l21 * l21;
+    const double i22 = p22 > noise * f ? 1 / ::sqrt(p22) : 0;
+    e.inverse[0] = i00, e.inverse[2] = i11, e.inverse[5] = i22;
+    e.inverse[1] = -l10 * i00 * i11;
+    e.inverse[4] = -l21 * i11 * i22;
+    e.inverse[3] = -(l20 * i00 + l21 * e.inverse[1]) * i22;
+  }
+};
+
+/// The largest diagonal element of H of each landmark.
+template <class Derived, class A>
+void launch_scale_landmarks(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s, double* diagonal) {
+  for_each_index(policy, s.landmarks, scale_of_landmarks<A>{s, diagonal});
+}
+
+template <int V, class Derived, class A>
+void launch_eliminate_landmarks(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s,
+                                const damping& damping) {
+  for_each_index(policy, s.landmarks, eliminate_landmarks<A, V>{s, damping});
+}
+
+TURBOMAP_END_NAMESPACE

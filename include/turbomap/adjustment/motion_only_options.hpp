@@ -1,0 +1,35 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What motion_only takes and gives, as plain data.
+
+#include <cstdint>
+
+#include "../config.hpp"
+#include "../types.hpp"
+
+namespace turbomap {
+
+/// Options of motion_only. Defaults are those of [ORB-SLAM3]'s tracking.
+struct motion_only_options {
+  int rounds = 4;                      ///< after each, outliers are told anew from all observations
+  int iterations = 10;                 ///< Levenberg-Marquardt steps tried in a round
+  int robust_rounds = 3;               ///< rounds with Huber's kernel; the last ones are plain least squares
+  double mono_chi2 = 5.991;            ///< outlier beyond it, and Huber's delta^2: 95 %, 2 dof
+  double stereo_chi2 = 7.815;          ///< 95 %, 3 dof
+  double stereo_correlation = 0;       ///< of the errors of u and u_right: see reprojections
+  int min_observations = 3;            ///< fewer (or fewer inliers after a round): the pose stays as it was
+  double initial_lambda_scale = 1e-5;  ///< of the largest diagonal element
+};
+
+/// What became of one frame.
+struct posed_frame {
+  rigid_transform<double> T_cw;
+  std::int32_t inliers;   ///< of the last round
+  std::int32_t adjusted;  ///< 0: the pose is to the bit what was given (too few observations, or not finite)
+  double cost;            ///< sum of rho(chi2) of the inliers of the last round
+};
+
+}  // namespace turbomap

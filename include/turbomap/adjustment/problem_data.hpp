@@ -1,0 +1,96 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What the solvers of a problem work on: its structure, its factors, its estimate. bundle_problem fills it; adjust() and
+/// frame_covariance() are handed it.
+
+#include <cstddef>
+#include <cstdint>
+#include <memory_resource>
+#include <tuple>
+
+#include "../array.hpp"
+#include "../config.hpp"
+#include "cholesky_solver.hpp"
+#include "factor_sums.hpp"
+#include "resident_group.hpp"
+#include "resident_structure.hpp"
+#include "structure.hpp"
+#include "structure_builder.hpp"
+#include "uploaded.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// The current estimate of frames and landmarks, and a trial one beside it.
+template <class Frame, class Memory>
+class estimates {
+ public:
+  using state = typename Frame::template state<double>;
+
+  explicit estimates(std::pmr::memory_resource* r) : pair_{one(r), one(r)} {}
+
+  void resize(std::size_t frames, std::size_t landmarks) {
+    current_ = 0;
+    for (one& x : pair_) {
+      x.states.resize_discard(frames), x.poses.resize_discard(frames);
+      x.landmarks.resize_discard(landmark_stride * landmarks);
+    }
+  }
+  /// The trial becomes the current one.
+  void accept() { current_ = 1 - current_; }
+
+  estimate_view<Frame> current() { return pair_[current_].view(); }
+  estimate_view<Frame> trial() { return pair_[1 - current_].view(); }
+  const state* states() const { return pair_[current_].states.data(); }
+  const double* landmarks() const { return pair_[current_].landmarks.data(); }
+
+ private:
+  struct one {
+    explicit one(std::pmr::memory_resource* r) : states(r), poses(r), landmarks(r) {}
+    estimate_view<Frame> view() { return {states.data(), poses.data(), landmarks.data()}; }
+
+    array<state, Memory> states;
+    array<isometry<double>, Memory> poses;
+    array<double, Memory> landmarks;
+  };
+
+  one pair_[2];
+  int current_ = 0;
+};
+
+template <class Memory, class FrameType, class... Groups>
+struct problem_data {
+  using frame = FrameType;
+  static constexpr int dof = frame::dof, landmark_dof = frame::landmark_dof;
+
+  explicit problem_data(std::pmr::memory_resource* r)
+      : groups(resident_group<Groups, frame, Memory>(r)...), lists(r), landmark_fixed(r), estimate(r) {}
+
+  adjustment_structure structure;
+  std::tuple<resident_group<Groups, frame, Memory>...> groups;
+  resident_structure<Memory> lists;
+  uploaded<std::uint8_t, Memory> landmark_fixed;  ///< empty: all move
+  estimates<frame, Memory> estimate;
+  solver_workspace<dof> workspace;
+  std::size_t observations = 0;  ///< 0: there is nothing to adjust
+  bool finite = false;           ///< of all numbers that were given
+
+  /// The lists of the blocks, where the policy computes: made when the first solver asks for them.
+  template <class Policy>
+  void need_blocks(const Policy& policy) {
+    if (!blocks_known_) finder_.find(structure);
+    blocks_known_ = true;
+    if (!blocks_sent_) lists.send_blocks(policy, structure);
+    blocks_sent_ = true;
+  }
+  /// After a change of the structure.
+  void forget_blocks() { blocks_known_ = blocks_sent_ = workspace.analysed = false; }
+
+ private:
+  block_finder finder_;
+  bool blocks_known_ = false, blocks_sent_ = false;
+};
+
+TURBOMAP_END_NAMESPACE

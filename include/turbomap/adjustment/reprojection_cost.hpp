@@ -1,0 +1,103 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The robust cost of reprojections, and chi2 and depth of each of them.
+
+#include "../config.hpp"
+#include "../parallel.hpp"
+#include "factor_sums.hpp"
+#include "reprojection.hpp"
+#include "reprojection_view.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Index = chunk: its robust cost, and how many of its observations are not defined.
+template <class Camera, class Kernel, class G, int N>
+struct cost_of_reprojections {
+  reprojection_view<Camera, Kernel> group;
+  const isometry<double>* T_bw;
+  const double* landmarks;
+  cost_sums sums;
+
+  TURBOMAP_HD void operator()(int chunk) const {
+    const observation_chunk& c = group.chunks[chunk];
+    if (c.kind % 2 == 1)
+      chunk_of<true>(c, group.stereo, chunk);
+    else
+      chunk_of<false>(c, group.mono, chunk);
+  }
+
+ private:
+  template <bool Stereo>
+  TURBOMAP_HD void chunk_of(const observation_chunk& c, const Kernel& kernel, int chunk) const {
+    using P = pack<G, N>;
+    const P one(G(1)), zero(G(0));
+    double rho_undefined, unused;
+    kernel(group.undefined_chi2, rho_undefined, unused);
+    P total = zero, missing = zero;
+    for (int i = c.begin; i < c.begin + c.count; i += N) {
+      lane_reprojection<G, G, N> r;
+      const auto body = transform(T_bw[c.frame], group.template points<G, N>(landmarks, i));
+      r.template compute<false, Stereo>(group.cameras[c.kind / 2], body, group.template measurements<G, N>(i));
+      const auto information = convert<G>(pack<double, N>::load(group.information + i));
+      P chi2 = r.e[0] * r.e[0] + r.e[1] * r.e[1], rho, weight;
+      if constexpr (Stereo) chi2 = chi2 + r.e[2] * r.e[2];
+      apply_kernel(kernel, information * chi2, rho, weight);
+      total = total + rho * r.defined;
+      missing = missing + select_greater(information, zero, one - r.defined, zero);  // padding has no information
+    }
+    const double undefined_count = static_cast<double>(sum(missing));
+    sums.cost[group.first_chunk + chunk] = static_cast<double>(sum(total)) + undefined_count * rho_undefined;
+    sums.undefined[group.first_chunk + chunk] = undefined_count;
+  }
+};
+
+/// Index = chunk: chi2 (not robust; undefined_chi2 where not defined) and depth in its camera of each entry.
+template <class Camera, class Kernel>
+struct chi2_of_reprojections {
+  reprojection_view<Camera, Kernel> group;
+  const isometry<double>* T_bw;
+  const double* landmarks;
+  double* chi2;   ///< [entry]
+  double* depth;  ///< [entry] m
+
+  TURBOMAP_HD void operator()(int chunk) const {
+    const observation_chunk& c = group.chunks[chunk];
+    const auto& camera = group.cameras[c.kind / 2];
+    for (int i = c.begin; i < c.begin + c.count; ++i) {
+      lane_reprojection<double, double, 1> r{};
+      const auto body = transform(T_bw[c.frame], group.template points<double, 1>(landmarks, i));
+      const auto measured = group.template measurements<double, 1>(i);
+      if (c.kind % 2 == 1)
+        r.template compute<false, true>(camera, body, measured);
+      else
+        r.template compute<false, false>(camera, body, measured);
+      double s = r.e[0].v[0] * r.e[0].v[0] + r.e[1].v[0] * r.e[1].v[0];
+      if (c.kind % 2 == 1) s += r.e[2].v[0] * r.e[2].v[0];
+      chi2[i] = r.defined.v[0] > 0 ? s * group.information[i] : group.undefined_chi2;
+      depth[i] = (camera.is_body ? body : transform(camera.T_camera_body, body)).z.v[0];
+    }
+  }
+};
+
+/// \tparam G  numbers of residuals
+template <class G, class Derived, class Camera, class Kernel>
+void launch_sum_reprojection_cost(const thrust::execution_policy<Derived>& policy,
+                                  const reprojection_view<Camera, Kernel>& group, const isometry<double>* T_bw,
+                                  const double* landmarks, const cost_sums& sums) {
+  constexpr int lanes = observation_shape<memory_of_t<Derived>>::lanes;
+  for_each_index(policy, group.chunk_count,
+                 cost_of_reprojections<Camera, Kernel, G, lanes>{group, T_bw, landmarks, sums});
+}
+
+/// chi2 and depth of each entry.
+template <class Derived, class Camera, class Kernel>
+void launch_measure_reprojections(const thrust::execution_policy<Derived>& policy,
+                                  const reprojection_view<Camera, Kernel>& group, const isometry<double>* T_bw,
+                                  const double* landmarks, double* chi2, double* depth) {
+  for_each_index(policy, group.chunk_count, chi2_of_reprojections<Camera, Kernel>{group, T_bw, landmarks, chi2, depth});
+}
+
+TURBOMAP_END_NAMESPACE

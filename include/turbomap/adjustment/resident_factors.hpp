@@ -1,0 +1,165 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Groups of the user's own factors as a problem keeps them: with landmarks, of one frame, between two.
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+
+#include "../config.hpp"
+#include "../error.hpp"
+#include "factors.hpp"
+#include "linearise_frame_factors.hpp"
+#include "linearise_landmark_factors.hpp"
+#include "resident_group.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+template <class Factor, class Kernel, class Frame, class Memory>
+class resident_group<landmark_factors<Factor, Kernel>, Frame, Memory> {
+ public:
+  using group_type = landmark_factors<Factor, Kernel>;
+  static constexpr bool with_landmarks = true;
+
+  explicit resident_group(std::pmr::memory_resource* r) : entries_(r), rows_(r) {}
+
+  static bool check(const group_type& g, int frames, int landmarks) {
+    require(g.landmark.size() == g.frame.size(), "landmark.size()", g.landmark.size(), "must be that of frame");
+    require(g.rows.size() == g.frame.size(), "rows.size()", g.rows.size(), "must be that of frame");
+    detail::require_indices(g.frame, frames, "frame");
+    detail::require_indices(g.landmark, landmarks, "landmark");
+    return true;
+  }
+  void describe(const group_type& g, structure_inputs& to) {
+    to.landmark_groups.push_back({g.frame, g.landmark, nullptr, 1});
+  }
+
+  template <class Policy>
+  void assign(const Policy& policy, const group_type& g, const adjustment_structure& structure, group_place& place) {
+    const group_structure& s = structure.groups[static_cast<std::size_t>(place.landmark_group)];
+    landmark_group_ = place.landmark_group++;
+    size_ = g.frame.size();
+    rows_.host().resize(s.source.size());
+    for (const auto& c : s.chunks)
+      for (int i = c.begin; i < c.begin + c.count; ++i) {
+        const auto e = static_cast<std::size_t>(i);
+        rows_.host()[e] = g.rows[static_cast<std::size_t>(s.source[e])];
+      }
+    rows_.send(policy);
+    entries_.send(policy, s);
+    view_.emplace(landmark_factor_view<Factor, Kernel>{nullptr, nullptr, nullptr, nullptr, rows_.data(), g.factor,
+                                                       g.kernel, g.undefined_chi2, place.first_chunk, 0});
+    entries_.point(*view_);
+    place.first_chunk += view_->chunk_count;
+  }
+
+  template <class G, class Policy, class A>
+  void linearise(const Policy& policy, const estimate_view<Frame>& x, const factor_sums<A>& sums) const {
+    launch_linearise_landmark_factors(policy, *view_, x, sums);
+  }
+  template <class G, class Policy>
+  void cost(const Policy& policy, const estimate_view<Frame>& x, const cost_sums& sums) const {
+    launch_evaluate_landmark_factors(policy, *view_, x, sums, nullptr);
+  }
+  template <class Policy>
+  void chi2(const Policy& policy, const estimate_view<Frame>& x, double* chi2, double*) const {
+    launch_evaluate_landmark_factors(policy, *view_, x, {}, chi2);
+  }
+
+  std::size_t size() const { return size_; }
+  int landmark_group() const { return landmark_group_; }
+
+ private:
+  resident_entries<Memory> entries_;
+  uploaded<typename Factor::row, Memory> rows_;
+  std::optional<landmark_factor_view<Factor, Kernel>>
+      view_;  ///< once assigned: a factor may have no default constructor
+  std::size_t size_ = 0;
+  int landmark_group_ = 0;
+};
+
+namespace detail {
+
+/// What groups of one frame and between two share.
+template <class Group, class Frame, class Memory, bool Pair>
+class resident_frame_group {
+ public:
+  using group_type = Group;
+  using factor = decltype(Group::factor);
+  using kernel = decltype(Group::kernel);
+  static constexpr bool with_landmarks = false;
+
+  explicit resident_frame_group(std::pmr::memory_resource* r) : first_(r), second_(r), rows_(r) {}
+
+  static bool check(const Group& g, int frames, int) {
+    const auto [first, second] = frames_of(g);
+    require(g.rows.size() == first.size(), "rows.size()", g.rows.size(), "must be the number of factors");
+    require_indices(first, frames, Pair ? "first" : "frame");
+    if (!Pair) return true;
+    require(second.size() == first.size(), "second.size()", second.size(), "must be that of first");
+    require_indices(second, frames, "second");
+    for (std::size_t i = 0; i < first.size(); ++i)
+      require(first[i] != second[i], "second", second[i], "must not be the first frame");
+    return true;
+  }
+  void describe(const Group& g, structure_inputs& to) { to.frame_groups.push_back(frames_of(g)); }
+
+  template <class Policy>
+  void assign(const Policy& policy, const Group& g, const adjustment_structure&, group_place& place) {
+    const auto [first, second] = frames_of(g);
+    first_.host().assign(first.begin(), first.end());
+    second_.host().assign(second.begin(), second.end());
+    rows_.host().assign(g.rows.begin(), g.rows.end());
+    first_.send(policy), second_.send(policy), rows_.send(policy);
+    const int n = static_cast<int>(first.size());
+    size_ = first.size();
+    view_.emplace(frame_factor_view<factor, kernel>{first_.data(), second_.data(), rows_.data(), g.factor, g.kernel,
+                                                    g.undefined_chi2, place, n});
+    place.first_cost += n;
+    place.first_factor_partial += Pair ? 2 * n : n;
+    place.first_square += Pair ? n : 0;
+  }
+
+  template <class G, class Policy, class A>
+  void linearise(const Policy& policy, const estimate_view<Frame>& x, const factor_sums<A>& sums) const {
+    launch_linearise_frame_factors<Pair>(policy, *view_, x, sums.factor_partial, sums.factor_square);
+  }
+  template <class G, class Policy>
+  void cost(const Policy& policy, const estimate_view<Frame>& x, const cost_sums& sums) const {
+    launch_evaluate_frame_factors<Pair>(policy, *view_, x, sums);
+  }
+
+  std::size_t size() const { return size_; }
+
+ private:
+  static frame_group_input frames_of(const Group& g) {
+    if constexpr (Pair)
+      return {g.first, g.second};
+    else
+      return {g.frame, {}};
+  }
+
+  uploaded<std::int32_t, Memory> first_, second_;
+  uploaded<typename factor::row, Memory> rows_;
+  std::optional<frame_factor_view<factor, kernel>> view_;
+  std::size_t size_ = 0;
+};
+
+}  // namespace detail
+
+template <class Factor, class Kernel, class Frame, class Memory>
+class resident_group<frame_factors<Factor, Kernel>, Frame, Memory>
+    : public detail::resident_frame_group<frame_factors<Factor, Kernel>, Frame, Memory, false> {
+  using detail::resident_frame_group<frame_factors<Factor, Kernel>, Frame, Memory, false>::resident_frame_group;
+};
+
+template <class Factor, class Kernel, class Frame, class Memory>
+class resident_group<frame_pair_factors<Factor, Kernel>, Frame, Memory>
+    : public detail::resident_frame_group<frame_pair_factors<Factor, Kernel>, Frame, Memory, true> {
+  using detail::resident_frame_group<frame_pair_factors<Factor, Kernel>, Frame, Memory, true>::resident_frame_group;
+};
+
+TURBOMAP_END_NAMESPACE

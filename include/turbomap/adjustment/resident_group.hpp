@@ -1,0 +1,74 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What a problem keeps of a factor group (factors.hpp): checked, in the order of the structure, where the policy computes.
+/// A specialisation per kind of group: resident_reprojections.hpp, resident_factors.hpp.
+
+#include <cstdint>
+#include <vector>
+
+#include "../config.hpp"
+#include "../error.hpp"
+#include "../span.hpp"
+#include "factor_sums.hpp"
+#include "structure.hpp"
+#include "structure_builder.hpp"
+#include "uploaded.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Members of each specialisation:
+///
+///     static bool check(group, frames, landmarks);     // throws std::invalid_argument; whether all numbers are finite
+///     void describe(group, structure_inputs&);         // adds what the structure must know
+///     void assign(policy, group, structure, place);    // takes the group; moves `place` to the next one's
+///     template <class G> void linearise(policy, estimate, factor_sums) const;  // G: numbers of residuals
+///     template <class G> void cost(policy, estimate, cost_sums) const;
+///     void chi2(policy, estimate, chi2, depth) const;  // groups with landmarks, per entry
+template <class Group, class Frame, class Memory>
+class resident_group;
+
+/// What the structure needs to know of all groups, in their order.
+struct structure_inputs {
+  std::vector<landmark_group_input> landmark_groups;
+  std::vector<frame_group_input> frame_groups;
+};
+
+/// The part of a group_structure that groups with landmarks read where the policy computes.
+template <class Memory>
+class resident_entries {
+ public:
+  explicit resident_entries(std::pmr::memory_resource* r) : chunks_(r), landmark_(r), row_(r), coupling_(r) {}
+
+  template <class Policy>
+  void send(const Policy& policy, const group_structure& s) {
+    chunks_.send(policy, s.chunks), landmark_.send(policy, s.landmark);
+    row_.send(policy, s.row), coupling_.send(policy, s.coupling);
+    chunk_count_ = static_cast<int>(s.chunks.size());
+  }
+
+  /// Fills in the pointers of a view of a group.
+  template <class View>
+  void point(View& view) const {
+    view.chunks = chunks_.data(), view.landmark = landmark_.data();
+    view.row = row_.data(), view.coupling = coupling_.data();
+    view.chunk_count = chunk_count_;
+  }
+
+ private:
+  resident_copy<observation_chunk, Memory> chunks_;
+  resident_copy<std::int32_t, Memory> landmark_, row_, coupling_;
+  int chunk_count_ = 0;
+};
+
+namespace detail {
+
+inline void require_indices(span<const std::int32_t> index, int end, const char* name) {
+  for (const auto i : index) require(i >= 0 && i < end, name, i, "is no such frame or landmark");
+}
+
+}  // namespace detail
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,128 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// A group of reprojections as a problem keeps it.
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "../config.hpp"
+#include "../error.hpp"
+#include "adjustment_camera.hpp"
+#include "factors.hpp"
+#include "linearise_reprojections.hpp"
+#include "reprojection_cost.hpp"
+#include "reprojection_view.hpp"
+#include "resident_group.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+template <class Camera, class Kernel, class Frame, class Memory>
+class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
+ public:
+  static_assert(require_camera<Camera>());
+  using group_type = reprojections<Camera, Kernel>;
+  static constexpr bool with_landmarks = true;
+
+  explicit resident_group(std::pmr::memory_resource* r)
+      : cameras_(r), entries_(r), u_(r), v_(r), u_right_(r), information_(r) {}
+
+  static bool check(const group_type& g, int frames, int landmarks) {
+    const std::size_t n = g.frame.size();
+    require(g.landmark.size() == n, "landmark.size()", g.landmark.size(), "must be that of frame");
+    require(g.pixel.size() == n, "pixel.size()", g.pixel.size(), "must be that of frame");
+    require(g.information.size() == n, "information.size()", g.information.size(), "must be that of frame");
+    require(g.camera.empty() || g.camera.size() == n, "camera.size()", g.camera.size(), "must be that of frame, or 0");
+    require(g.stereo.empty() || g.stereo.size() == n, "stereo.size()", g.stereo.size(), "must be that of frame, or 0");
+    detail::require_indices(g.frame, frames, "frame");
+    detail::require_indices(g.landmark, landmarks, "landmark");
+    validate_rig(g.rig);
+    require_correlation(g.stereo_correlation, "stereo_correlation");
+    require(g.rig.count <= 127, "rig.count", g.rig.count, "must be below 128");
+    for (const auto c : g.camera) require(c < g.rig.count, "camera", static_cast<int>(c), "is not in the rig");
+    for (std::size_t i = 0; i < g.stereo.size(); ++i)
+      require(g.stereo[i] == 0 || g.rig[g.camera.empty() ? 0 : g.camera[i]].bf > 0, "stereo", i,
+              "is a row whose camera has no right image (bf = 0)");
+    bool finite = true;
+    for (std::size_t i = 0; i < n; ++i) {
+      require(!(g.information[i] < 0), "information", g.information[i], "must not be negative");
+      finite = finite && detail::is_finite(g.pixel[i].x) && detail::is_finite(g.pixel[i].y) &&
+               detail::is_finite(g.information[i]) &&
+               (g.stereo.empty() || g.stereo[i] == 0 || detail::is_finite(g.pixel[i].z));
+    }
+    return finite;
+  }
+
+  void describe(const group_type& g, structure_inputs& to) {
+    kind_.resize(g.frame.size());
+    for (std::size_t i = 0; i < kind_.size(); ++i) {
+      const int c = g.camera.empty() ? 0 : g.camera[i];
+      const bool seen_right = g.pixel[i].z >= 0 && detail::is_finite(g.pixel[i].z) && g.rig[c].bf > 0;
+      const bool stereo = g.stereo.empty() ? seen_right : g.stereo[i] != 0;
+      kind_[i] = static_cast<std::uint8_t>(2 * c + (stereo ? 1 : 0));
+    }
+    to.landmark_groups.push_back({g.frame, g.landmark, kind_.data(), 2 * g.rig.count});
+  }
+
+  template <class Policy>
+  void assign(const Policy& policy, const group_type& g, const adjustment_structure& structure, group_place& place) {
+    const group_structure& s = structure.groups[static_cast<std::size_t>(place.landmark_group)];
+    landmark_group_ = place.landmark_group++, first_chunk_ = place.first_chunk;
+    place.first_chunk += static_cast<int>(s.chunks.size());
+    size_ = g.frame.size();
+    mono_ = g.mono_kernel, stereo_ = g.stereo_kernel, undefined_chi2_ = g.undefined_chi2;
+    cameras_.host().clear();
+    for (int c = 0; c < g.rig.count; ++c) cameras_.host().emplace_back(g.rig[c], g.stereo_correlation);
+    for (auto* a : {&u_, &v_, &u_right_, &information_}) a->host().resize(s.source.size());
+    for (const auto& c : s.chunks)
+      for (int i = c.begin;
+           i < c.begin + (c.count + observation_padding - 1) / observation_padding * observation_padding; ++i) {
+        const auto e = static_cast<std::size_t>(i), o = static_cast<std::size_t>(s.source[e]);
+        u_.host()[e] = g.pixel[o].x, v_.host()[e] = g.pixel[o].y;
+        u_right_.host()[e] = c.kind % 2 == 1 ? g.pixel[o].z : 0;
+        information_.host()[e] = i < c.begin + c.count ? g.information[o] : 0;
+      }
+    cameras_.send(policy), u_.send(policy), v_.send(policy), u_right_.send(policy), information_.send(policy);
+    entries_.send(policy, s);
+  }
+
+  template <class G, class Policy, class A>
+  void linearise(const Policy& policy, const estimate_view<Frame>& x, const factor_sums<A>& sums) const {
+    launch_linearise_reprojections<G, Frame::landmark_dof>(policy, view(), x.poses, x.landmarks, sums);
+  }
+  template <class G, class Policy>
+  void cost(const Policy& policy, const estimate_view<Frame>& x, const cost_sums& sums) const {
+    launch_sum_reprojection_cost<G>(policy, view(), x.poses, x.landmarks, sums);
+  }
+  template <class Policy>
+  void chi2(const Policy& policy, const estimate_view<Frame>& x, double* chi2, double* depth) const {
+    launch_measure_reprojections(policy, view(), x.poses, x.landmarks, chi2, depth);
+  }
+
+  std::size_t size() const { return size_; }
+  int landmark_group() const { return landmark_group_; }
+
+ private:
+  reprojection_view<Camera, Kernel> view() const {
+    reprojection_view<Camera, Kernel> v{};
+    entries_.point(v);
+    v.cameras = cameras_.data();
+    v.u = u_.data(), v.v = v_.data(), v.u_right = u_right_.data(), v.information = information_.data();
+    v.mono = mono_, v.stereo = stereo_, v.undefined_chi2 = undefined_chi2_, v.first_chunk = first_chunk_;
+    return v;
+  }
+
+  uploaded<adjustment_camera<Camera>, Memory> cameras_;
+  resident_entries<Memory> entries_;
+  uploaded<double, Memory> u_, v_, u_right_, information_;
+  std::vector<std::uint8_t> kind_;
+  Kernel mono_{}, stereo_{};
+  double undefined_chi2_ = 0;
+  std::size_t size_ = 0;
+  int landmark_group_ = 0, first_chunk_ = 0;
+};
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,70 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What the Schur complement works on, where the policy computes: the lists of the structure, the sums of the factors, and
+/// the eliminated landmarks.
+
+#include <cstddef>
+#include <cstdint>
+
+#include "../config.hpp"
+#include "../math/pack.hpp"
+#include "factor_sums.hpp"
+#include "structure.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// A landmark after elimination: damped H = L L^T.
+struct eliminated_landmark {
+  double inverse[6];  ///< of L, lower triangle; 0: it does not move (along this direction)
+  double c[3];        ///< L^-1 b
+  double b[3];
+};
+
+/// Lanes that hold a column of V numbers. What is beyond V is read, so arrays of columns have room for column_slack more.
+template <int V>
+inline constexpr int column_lanes = TURBOMAP_VECTOR_BYTES == 0 ? V
+                                    : (V + 3) / 4 * 4 == 4     ? 4
+                                                               : (V + 7) / 8 * 8;
+
+inline constexpr int column_slack = 16;
+
+/// \tparam A  numbers of the normal equations of landmarks
+template <class A>
+struct schur_view : sum_lists<list_pointer>, block_lists<list_pointer> {
+  int free_frames = 0, landmarks = 0;
+  int blocks = 0;                                ///< 0: not formed
+  const std::uint8_t* landmark_fixed = nullptr;  ///< null: none
+  factor_sums<A> sums{};
+  A* eliminated = nullptr;  ///< [slot] Z = coupling L^-T, as couplings
+  eliminated_landmark* landmark = nullptr;
+  double* H = nullptr;  ///< [free frame] lower triangle
+  double* b = nullptr;  ///< [free frame]
+
+  TURBOMAP_HD bool moves(int l) const { return landmark_fixed == nullptr || landmark_fixed[l] == 0; }
+};
+
+namespace detail {
+
+/// Sum of the rows of a landmark: H (lower triangle), then b.
+template <class A>
+TURBOMAP_HD void sum_rows(const schur_view<A>& s, int l, double (&total)[9]) {
+  using P = pack<A, 8>;
+  P head(A(0));
+  A last(0);
+  for (int r = s.landmark_row[l]; r < s.landmark_row[l + 1]; ++r) {
+    const A* row = s.sums.row + static_cast<std::ptrdiff_t>(r) * 9;
+    head = head + P::load(row);
+    last += row[8];
+  }
+  A out[8];
+  head.store(out);
+  for (int i = 0; i < 8; ++i) total[i] = static_cast<double>(out[i]);
+  total[8] = static_cast<double>(last);
+}
+
+}  // namespace detail
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,76 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The steps of the landmarks from those of the frames (back-substitution), and what the quadratic model of the cost
+/// promises of them.
+
+#include <cstddef>
+
+#include "../config.hpp"
+#include "../parallel.hpp"
+#include "damping.hpp"
+#include "schur_view.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Index = some landmarks: their steps from those of the frames, their new positions, and sums of the step.
+template <class A, int V, int D>
+struct substitute_landmarks {
+  static constexpr int landmarks_per_index = 16;
+  schur_view<A> s;
+  const double* step;  ///< of the free frames, D each
+  turbomap::damping damping;
+  const double* from;
+  double* to;
+  double* predicted;  ///< [index] sum of dx (damping dx + b): the decrease a quadratic cost would have
+
+  TURBOMAP_HD void operator()(int i) const {
+    double gain = 0;
+    const int end = (i + 1) * landmarks_per_index < s.landmarks ? (i + 1) * landmarks_per_index : s.landmarks;
+    for (int l = i * landmarks_per_index; l < end; ++l) {
+      const eliminated_landmark& e = s.landmark[l];
+      double y[3] = {e.c[0], e.c[1], e.c[2]};
+      for (int slot = s.landmark_slot[l]; slot < s.landmark_slot[l + 1]; ++slot) {
+        const A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
+        const double* x = step + static_cast<std::ptrdiff_t>(s.slot_frame[slot]) * D;
+        for (int m = 0; m < 3; ++m)
+          for (int v = 0; v < V; ++v) y[m] -= static_cast<double>(z[m * V + v]) * x[v];
+      }
+      const double dx[3] = {e.inverse[0] * y[0] + e.inverse[1] * y[1] + e.inverse[3] * y[2],
+                            e.inverse[2] * y[1] + e.inverse[4] * y[2], e.inverse[5] * y[2]};
+      double held[3] = {damping.lambda, damping.lambda, damping.lambda};
+      if (damping.scaled) {
+        double h[9];
+        detail::sum_rows(s, l, h);
+        held[0] = damping(h[0]), held[1] = damping(h[2]), held[2] = damping(h[5]);
+      }
+      for (int k = 0; k < 3; ++k) {
+        to[l * landmark_stride + k] = from[l * landmark_stride + k] + dx[k];
+        gain += dx[k] * (held[k] * dx[k] + e.b[k]);
+      }
+      to[l * landmark_stride + 3] = 0;  // copied to the host with the others
+    }
+    predicted[i] = gain;
+  }
+};
+
+/// How many numbers launch_substitute_landmarks() gives through `predicted`.
+inline int landmark_gain_count(int landmarks) {
+  constexpr int per_index = substitute_landmarks<double, 6, 6>::landmarks_per_index;
+  return (landmarks + per_index - 1) / per_index;
+}
+
+/// \param step       of the free frames, D each
+/// \param from, to   positions before and after
+/// \param predicted  [landmark_gain_count] parts of the decrease that the model promises
+template <int V, int D, class Derived, class A>
+void launch_substitute_landmarks(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s,
+                                 const double* step, const damping& damping, const double* from, double* to,
+                                 double* predicted) {
+  for_each_index(policy, landmark_gain_count(s.landmarks),
+                 substitute_landmarks<A, V, D>{s, step, damping, from, to, predicted});
+}
+
+TURBOMAP_END_NAMESPACE
