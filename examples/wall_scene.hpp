@@ -32,7 +32,7 @@ constexpr turbomap::image_bounds image{0, 0, 640, 480};
 struct wall_view {
   turbomap::rigid_transform<double> T_cw;
   std::vector<turbomap::keypoint> keypoints;
-  std::vector<std::uint8_t> descriptors;  ///< 32 bytes a keypoint
+  std::vector<std::uint8_t> descriptors;  ///< 32 bytes per keypoint
   std::vector<int> landmark;              ///< the truth
 };
 

@@ -2,8 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 // Residuals and derivatives of reprojections, for every camera model: packs against the camera's own projection and
-// against
-// central differences; a whole chunk against sums of one observation each.
+// against central differences; a whole chunk against sums of one observation each.
 
 #include <doctest/doctest.h>
 

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// A CUDA user, on a stream of his own. Ends with 77 where there is no device.
+/// A CUDA user, on a stream of their own. Ends with 77 where there is no device.
 
 #include "mapper.hpp"
 

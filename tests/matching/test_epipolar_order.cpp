@@ -209,7 +209,7 @@ TEST_CASE("ordered equals exhaustive: other models") {
   fuzz(equisolid_rig(), 12000, 100);
 }
 TEST_CASE("octaves beyond the levels of the options") {
-  // Nothing forbids it in a view that the user made himself: the tables of scales go on.
+  // Nothing forbids it in a view that users made themselves: the tables of scales go on.
   for (unsigned seed = 0; seed < 60; ++seed) {
     scene_recipe recipe;
     recipe.seed = seed, recipe.levels = 12, recipe.scale_factor = 1.5F, recipe.noise = 40, recipe.at_epipole = 0.3;

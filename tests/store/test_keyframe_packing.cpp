@@ -250,7 +250,7 @@ TEST_CASE("cameras are measured once, and again when camera or image change") {
   const turbomap::pinhole<float> other{200, 200, 320, 240};
   CHECK(measured.of(1, other, {0, 0, 640, 480}).pixels_per_radian[0] < first.pixels_per_radian[0]);
   CHECK(measured.of(1, camera, {0, 0, 640, 480}).pixels_per_radian[0] == first.pixels_per_radian[0]);
-  // What the user has measured himself is kept.
+  // What users have measured themselves is kept.
   auto k = make_keyframe(1, 3);
   k.cameras[0].resolution.pixels_per_radian[0] = 12.5F;
   CHECK(packed_keyframe<>(k.data()).view.cameras[0].resolution.pixels_per_radian[0] == 12.5F);

@@ -168,7 +168,7 @@ nlohmann::json time_culling(map_scene<Policy>& scene, int repetitions, double di
     const std::uint64_t id = scene_type::traits::id(scene.map, k);
     if (candidates.size() == candidate_count || !scene_type::traits::may_erase(scene.map, k)) continue;
     candidates.push_back(k), ids.push_back(id);
-    // A slot a keypoint, and the counts of each point.
+    // A slot per keypoint, and the counts of each point.
     floor.bytes += static_cast<double>(sizeof(std::int32_t) * scene.map.keypoints(k).size() +
                                        sizeof(std::uint32_t) * scene.oracle.map.points_of(id).size() *
                                            static_cast<std::size_t>(scene.map.levels()));

@@ -23,7 +23,7 @@ namespace turbomap {
 
 /// One iteration. The stages that a recording may leave out are optional: each is there whole or not at all.
 struct recording_snapshot {
-  std::int32_t iteration = 0, keyframe = 0;  ///< the same number: one iteration a keyframe
+  std::int32_t iteration = 0, keyframe = 0;  ///< the same number: one iteration per keyframe
   std::vector<std::int32_t> kf_alive;        ///< keyframes of the map at the start, ascending
   std::vector<rigid_transform<float>> kf_T_cw;
   std::vector<std::int32_t> covis_kf, covis_w;  ///< the current keyframe's covisible ones, most shared points first

@@ -46,7 +46,7 @@ struct adjustment_snapshot {
   std::vector<vec3<float>> position_before, position_after;
   std::vector<vec3<double>> position_after_exact;
 
-  // One row an observation.
+  // One row per observation.
   std::vector<std::int32_t> frame, landmark;  ///< rows of `keyframe` and `point`
   std::vector<std::int32_t> keypoint;         ///< of the keyframe
   std::vector<recorded_residual> kind;

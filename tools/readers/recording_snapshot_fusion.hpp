@@ -33,11 +33,11 @@ struct recorded_trials {
 
 /// The peer's way: a search a keyframe and camera, each match carried out before the next point is looked at.
 struct recorded_calls {
-  std::vector<std::int32_t> keyframe;  ///< one row a call
+  std::vector<std::int32_t> keyframe;  ///< one row per call
   std::vector<std::uint8_t> right;     ///< 1: in the right camera
   std::vector<std::uint8_t> backward;  ///< 0: the current keyframe's points in a target; 1: the targets' points in it
   std::vector<std::int64_t> off;       ///< rows of the entries
-  std::vector<std::int32_t> state;     ///< one row an entry; -1: a dead point of which nothing is known
+  std::vector<std::int32_t> state;     ///< one row per entry; -1: a dead point of which nothing is known
   recorded_trials found;
   std::vector<std::uint8_t> action;  ///< 0 none, 1 observation added, 2 candidate replaced, 3 it replaced, 4 point dead
   std::vector<std::int32_t> observations;       ///< the candidate's observation count before
@@ -47,7 +47,7 @@ struct recorded_calls {
 
 /// All points against all targets on one state: `found` is [targets][cameras][points].
 struct recorded_batch {
-  std::vector<std::int32_t> state;  ///< one row a point
+  std::vector<std::int32_t> state;  ///< one row per point
   recorded_trials found;
 };
 

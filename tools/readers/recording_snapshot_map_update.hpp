@@ -13,7 +13,7 @@
 
 namespace turbomap {
 
-/// One row a keypoint of the current keyframe that sees a point: a rig may see a point twice, and has two rows then.
+/// One row per keypoint of the current keyframe that sees a point: a rig may see a point twice, and has two rows then.
 struct map_update_snapshot {
   std::vector<std::int32_t> keypoint, point;  ///< of the current keyframe; the peer's id
   std::vector<vec3<float>> position, normal;

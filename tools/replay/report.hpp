@@ -88,7 +88,7 @@ inline double sum(const std::vector<double>& values) {
   return total;
 }
 
-/// One array a column: shorter than one object a row, and what plots need.
+/// One array per column: shorter than one object per row, and what plots need.
 inline nlohmann::json columns(const report_data& data) {
   using json = nlohmann::json;
   json j = json::object();
@@ -200,7 +200,7 @@ inline std::string embedded(const nlohmann::json& j) {
 
 }  // namespace report_detail
 
-/// The page: 50 KB, 20 bytes a point, 250 bytes a keyframe. Throws std::invalid_argument when sizes in `data` disagree.
+/// The page: 50 KB, 20 bytes per point, 250 bytes per keyframe. Throws std::invalid_argument when sizes in `data` disagree.
 inline std::string report_html(const report_data& data) {
   static constexpr const char* css =
 #include "report/report.css.inc"

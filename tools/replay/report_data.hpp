@@ -20,14 +20,14 @@ namespace turbomap_replay {
 
 inline constexpr double not_known = std::numeric_limits<double>::quiet_NaN();
 
-/// One line of the table of stages; milliseconds a keyframe.
+/// One line of the table of stages; milliseconds per keyframe.
 struct report_stage {
   std::string name;  ///< of the contract: process, point_culling, search, ...
   double ms_mean = not_known, ms_median = not_known, ms_p95 = not_known, ms_max = not_known;
   double peer_ms_mean = not_known;
 };
 
-/// One iteration of local mapping, i.e. one keyframe handled. Vectors have one element a stage of
+/// One iteration of local mapping, i.e. one keyframe handled. Vectors have one element per stage of
 /// report_data::stages, or none.
 struct report_row {
   double time_s = not_known;          ///< of the keyframe, from any moment
@@ -76,7 +76,7 @@ struct report_data {
 
   std::vector<turbomap::vec3<double>> points;
   std::vector<std::int32_t> point_observations;      ///< keyframes that see the point; as many as points, or none
-  std::vector<report_keyframe> trajectory;           ///< one a row, in their order; or none
+  std::vector<report_keyframe> trajectory;           ///< one per row, in their order; or none
   std::vector<turbomap::vec3<double>> ground_truth;  ///< camera centres, aligned with the map by the caller; NaN: a gap
   std::vector<turbomap::vec3<double>> peer_trajectory;  ///< its final one, aligned with the map by the caller
   turbomap::vec3<double> up{0, -1, 0};  ///< against gravity, in the frame of the map (v of a level camera points down)

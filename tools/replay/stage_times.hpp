@@ -25,7 +25,7 @@ inline double now_ms() {
 /// Keyframes left out of the statistics, as in the recorded ones: the map is small before.
 inline constexpr std::size_t warm_up = 11;
 
-/// The samples of one stage, one a keyframe.
+/// The samples of one stage, one per keyframe.
 struct stage_samples {
   std::string name;
   double peer_ms_mean = -1;  ///< < 0: not recorded

@@ -32,7 +32,7 @@ struct observation_options {
   double angle_noise = 7;     ///< degrees, standard deviation
   double least_cosine = 0.3;  ///< between viewing ray and surface normal
   double stereo = 0.6;        ///< share of the keypoints with a partner in the other image that stereo matching finds
-  double features_spread = 15;                             ///< keypoints an image vary by about as many
+  double features_spread = 15;                             ///< keypoints per image vary by about as many
   int margin = 19;                                         ///< px without keypoints at the image's border
   double clutter_depth_least = 1, clutter_depth_most = 6;  ///< m, of wrong stereo matches
 };

@@ -57,7 +57,7 @@ struct simulated_rig {
   std::vector<simulated_camera> cameras;  ///< one, or two fisheye ones
   double baseline = 0;                    ///< m; of a rectified pair (one camera here) or between the two; 0: monocular
   double close_depth = 0;                 ///< m
-  int features = 1200;                    ///< keypoints a camera
+  int features = 1200;                    ///< keypoints per camera
   imu_noise imu;
 
   bool rectified() const { return cameras.size() == 1 && baseline > 0; }

@@ -77,7 +77,7 @@ struct recorded_result {
   turbomap::adjustment_summary summary;
   std::vector<turbomap::rigid_transform<double>> poses;
   std::vector<turbomap::vec3<double>> points;
-  std::vector<double> chi2, depth;    ///< one an observation
+  std::vector<double> chi2, depth;    ///< one per observation
   std::vector<std::uint8_t> outlier;  ///< the same: beyond the gate or behind the camera
 };
 

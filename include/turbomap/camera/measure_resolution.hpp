@@ -15,7 +15,7 @@
 
 namespace turbomap {
 
-/// Measures a camera by its Jacobian, at 8 angles an entry and 16 directions around the axis; 5 % are taken off for what
+/// Measures a camera by its Jacobian, at 8 angles per entry and 16 directions around the axis; 5 % are taken off for what
 /// lies between the samples, and no entry is below min_pixels_per_radian(). Tens of microseconds: once per rig.
 template <class Camera, class = detail::this_target>
 resolution_profile measure_resolution(const Camera& camera, const image_bounds& bounds) {

@@ -9,7 +9,7 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// for_each_index: one thread an index. 128 threads leave registers enough for the geometry of a pair (up to 512 each).
+/// for_each_index: one thread per index. 128 threads leave registers enough for the geometry of a pair (up to 512 each).
 struct for_each_tuning {
   static constexpr int block_size = 128;
 };

@@ -79,7 +79,7 @@ span<const typename Descriptor::element> descriptors_from_opencv(const cv::Mat& 
   require(descriptors.isContinuous(), "descriptors.isContinuous()", false, "must be; clone() the matrix");
   return {descriptors.ptr<element>(), static_cast<std::size_t>(descriptors.rows) * Descriptor::elements};
 }
-/// A matrix of its own with one descriptor a row. Throws std::invalid_argument when the last descriptor is not whole.
+/// A matrix of its own with one descriptor per row. Throws std::invalid_argument when the last descriptor is not whole.
 template <class Descriptor>
 cv::Mat descriptors_to_opencv(span<const typename Descriptor::element> descriptors) {
   using element = typename Descriptor::element;

@@ -6,8 +6,8 @@
 /// Reads problems of "Bundle Adjustment in the Large" [Agarwal, Snavely, Seitz, Szeliski, ECCV 2010]:
 ///
 ///     CAMERAS POINTS OBSERVATIONS
-///     camera point x y                    one line an observation, px
-///     ...                                 nine numbers a camera, then three a point, m
+///     camera point x y                    one line per observation, px
+///     ...                                 nine numbers per camera, then three per point, m
 ///
 /// Pixels are relative to the image centre, x right, y up, and a camera looks along its negative z axis:
 /// P = R X + t, p = -(P.x, P.y) / P.z, pixel = f (1 + k1 |p|^2 + k2 |p|^4) p.
@@ -35,7 +35,7 @@ struct bal_camera {
 struct bal_problem {
   std::vector<bal_camera> cameras;
   std::vector<vec3<double>> points;         ///< world, m
-  std::vector<std::int32_t> camera, point;  ///< one row an observation
+  std::vector<std::int32_t> camera, point;  ///< one row per observation
   std::vector<vec2<double>> pixel;          ///< relative to the image centre, y up
 };
 

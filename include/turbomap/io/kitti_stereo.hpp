@@ -6,8 +6,8 @@
 /// Reads the stereo bundle adjustment problems of KITTI sequences that GTSAM ships as text (examples/Data/VO_*.txt):
 ///
 ///     calibration    fx fy skew cx cy baseline
-///     poses          id, then T_world_camera as a 4x4 matrix, row-major; one line a frame
-///     factors        frame-id landmark-id u_left u_right v X Y Z; one line an observation, (X, Y, Z) in that camera
+///     poses          id, then T_world_camera as a 4x4 matrix, row-major; one line per frame
+///     factors        frame-id landmark-id u_left u_right v X Y Z; one line per observation, (X, Y, Z) in that camera
 
 #include <cmath>
 #include <cstdint>

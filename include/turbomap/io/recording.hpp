@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// Reading a recording of local mapping: a directory with meta.json and one `.npy` file an array.
+/// Reading a recording of local mapping: a directory with meta.json and one `.npy` file per array.
 
 #include <cstddef>
 #include <filesystem>

@@ -90,13 +90,13 @@ span<const T> slice(const std::vector<T>& values, row_range rows) {
 struct recording {
   recording_meta meta;
 
-  // One row a keyframe.
+  // One row per keyframe.
   std::vector<std::int32_t> kf_mnid, frame_id, prev_kf;  ///< the peer's own ids; index of the predecessor in time or -1
   std::vector<std::int64_t> t_ns;
   std::vector<rigid_transform<float>> T_cw;  ///< tracking's estimate at insertion, world to left camera
   std::vector<std::int32_t> nleft;           ///< number of left keypoints; -1: one camera, no right keypoints
 
-  // One row a keypoint; kp_off has K + 1 offsets.
+  // One row per keypoint; kp_off has K + 1 offsets.
   std::vector<std::int64_t> kp_off;
   std::vector<vec2<float>> kp_xy;
   std::vector<std::uint8_t> kp_octave;
@@ -112,12 +112,12 @@ struct recording {
   std::vector<std::uint8_t> assoc_new;                    ///< 1: the point was created by this keyframe (stereo)
   std::vector<vec3<float>> assoc_pos;                     ///< the point in the world at that moment
 
-  // One row a point still on probation before the culling of recent points; recent_off has K + 1 offsets.
+  // One row per point still on probation before the culling of recent points; recent_off has K + 1 offsets.
   std::vector<std::int64_t> recent_off;
   std::vector<keypoint_reference> recent_ref;
   std::vector<std::int32_t> recent_firstkf_mnid, recent_visible, recent_found;
 
-  // Inertial runs, one row a keyframe.
+  // Inertial runs, one row per keyframe.
   std::vector<vec3<float>> velocity;
   std::vector<std::array<float, 6>> bias;  ///< gyro xyz (rad/s), acceleration xyz (m/s^2)
   std::vector<std::uint8_t> bimu;          ///< 1: velocity and bias are estimated

@@ -17,9 +17,9 @@ namespace turbomap {
 /// means something finite.
 struct reprojection_data {
   std::vector<rigid_transform<double>> T_cw;  ///< poses of the frames (of the rig's body)
-  std::vector<std::uint8_t> fixed;            ///< one a frame; 1: it does not move
+  std::vector<std::uint8_t> fixed;            ///< one per frame; 1: it does not move
   std::vector<vec3<double>> points;           ///< landmarks, world, m
-  // One row an observation.
+  // One row per observation.
   std::vector<std::int32_t> frame, landmark;
   std::vector<std::uint8_t> camera;  ///< of the rig; empty: all are the first
   std::vector<vec3<double>> pixel;   ///< u, v, u_right in px

@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// The table of times that a recorded system measured, one row an iteration of local mapping (timing.csv).
+/// The table of times that a recorded system measured, one row per iteration of local mapping (timing.csv).
 
 #include <algorithm>
 #include <charconv>

@@ -60,7 +60,7 @@ inline vec3<double> true_camera_centre(const recording& r, std::int64_t t_ns) {
   return to_isometry<double>(T_wb) * to_isometry<double>(r.meta.T_bc).t;
 }
 
-/// ATE of keyframe poses `T_cw` (one a keyframe of the recording) against its ground truth, over the keyframes whose
+/// ATE of keyframe poses `T_cw` (one per keyframe of the recording) against its ground truth, over the keyframes whose
 /// `alive` is not 0 (empty: all). Throws std::invalid_argument for wrong sizes or a recording without ground truth.
 inline double keyframe_trajectory_error(const recording& r, span<const rigid_transform<float>> T_cw,
                                         span<const std::uint8_t> alive = {}) {

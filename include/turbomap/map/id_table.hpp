@@ -4,7 +4,7 @@
 
 /// \file
 /// Numbers ids in the order in which they are first named: what lets searches on a user's map work in flat arrays,
-/// whatever his keyframes and points are. An open-addressing table that is emptied in O(1).
+/// whatever their keyframes and points are. An open-addressing table that is emptied in O(1).
 
 #include <cstddef>
 #include <cstdint>

@@ -44,7 +44,7 @@ struct culling_record {
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Points of the keyframe that count, and how many of them are redundant. A short sum a point where the map keeps counts
+/// Points of the keyframe that count, and how many of them are redundant. A short sum per point where the map keeps counts
 /// (counts_octaves_v). `scratch` is reused memory. O(keypoints).
 template <class Map>
 redundancy count_redundant(const Map& map, typename map_traits<Map>::keyframe keyframe,

@@ -4,8 +4,7 @@
 
 /// \file
 /// Forward-mode dual numbers: a value and its derivatives by N unknowns, through any function template. What
-/// derivatives of
-/// a user's own residual, and of camera models without a jacobian(), are made with.
+/// derivatives of a user's own residual, and of camera models without a jacobian(), are made with.
 
 #include <cmath>
 #include <type_traits>

@@ -4,10 +4,8 @@
 
 /// \file
 /// `pack<T, N>`: N numbers that are computed with at once, lane by lane. A function template written for a scalar runs
-/// on
-/// packs as it is, as long as it does not branch on values: larger() and select_greater() do that, for scalars too.
-/// Made of
-/// the compiler's vectors where it has some, else of a plain array; the results are the same.
+/// on packs as it is, as long as it does not branch on values: larger() and select_greater() do that, for scalars too.
+/// Made of the compiler's vectors where it has some, else of a plain array; the results are the same.
 
 #include <cmath>
 #include <type_traits>

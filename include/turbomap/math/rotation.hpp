@@ -4,8 +4,7 @@
 
 /// \file
 /// Rotations as quaternions: exponential of a step, product, normalisation; for double and for dual numbers at a step
-/// of
-/// zero (no branch divides by an angle of zero).
+/// of zero (no branch divides by an angle of zero).
 
 #include <cmath>
 
@@ -29,8 +28,7 @@ TURBOMAP_HD rigid_transform<S> normalised(const rigid_transform<S>& T) {
 }
 
 /// sin(t)/t, (1 - cos t)/t^2, (t - sin t)/t^3, sin(t/2)/t and cos(t/2) as functions of t^2: series below 0.01, where
-/// the first
-/// terms left out are under 1e-17.
+/// the first terms left out are under 1e-17.
 template <class S>
 struct rotation_coefficients {
   S a, b, c, half_sine, half_cosine;

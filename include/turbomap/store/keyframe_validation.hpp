@@ -79,7 +79,7 @@ bool has_cameras(const keyframe_view<Descriptor, Camera>& view) {
 }
 
 /// Throws std::invalid_argument when a keypoint of a view in host memory names a camera that the rig does not have: a
-/// view of the store cannot, one that a user made himself may. A view in device memory cannot be looked at here; there
+/// view of the store cannot, one that a user filled may. A view in device memory cannot be looked at here; there
 /// such a camera is read out of bounds. O(N), a byte each.
 /// \param argument  what the view is called in the message
 template <class Descriptor, class Camera>

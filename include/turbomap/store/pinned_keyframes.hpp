@@ -51,7 +51,7 @@ class pinned_keyframes {
   /// Releases behind the work of the context that pinned, if release_after() has not been called.
   ~pinned_keyframes() { release(); }
 
-  /// One view a handle, in the order of the handles; an array on the host of pointers into the memory of the store.
+  /// One view per handle, in the order of the handles; an array on the host of pointers into the memory of the store.
   /// Empty after the release.
   span<const keyframe_view<Descriptor, Camera>> views() const {
     return store_ == nullptr ? span<const keyframe_view<Descriptor, Camera>>() : record_->views;

@@ -19,7 +19,7 @@ struct posed_keyframe {
   keyframe_view<Descriptor, Camera> view;
   rigid_transform<double> T_cw;  ///< world to camera (to body for a rig with T_camera_body)
   span<const std::uint8_t> has_point =
-      {};  ///< host memory, one byte a keypoint, not 0: holds a map point. Empty: none does
+      {};  ///< host memory, one byte per keypoint, not 0: holds a map point. Empty: none does
 };
 
 }  // namespace turbomap

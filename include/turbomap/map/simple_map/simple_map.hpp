@@ -134,7 +134,7 @@ class simple_map {
 
   struct keyframe_entry {
     std::vector<keypoint> keypoints;
-    std::vector<std::int32_t> slots;  ///< one a keypoint: its point or none
+    std::vector<std::int32_t> slots;  ///< one per keypoint: its point or none
     rigid_transform<double> T_cw;
     double time_s = 0;
     std::uint64_t id = 0;
