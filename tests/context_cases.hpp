@@ -95,4 +95,31 @@ void check_upload(const Policy& policy) {
   }
 }
 
+/// Arrays that are placed in one block arrive each as it was, aligned, empty ones too.
+template <class Policy>
+void check_packed_inputs(const Policy& policy) {
+  turbomap::context<Policy> ctx(policy);
+  turbomap::array<std::byte, turbomap::memory_of_t<Policy>> memory;
+  turbomap::packed_inputs inputs;
+  const auto bytes = inputs.place<std::uint8_t>(3);
+  const auto nothing = inputs.place<double>(0);
+  const auto numbers = inputs.place<double>(1000);
+  const auto block = ctx.begin_upload(memory, inputs.bytes());
+  std::vector<double> source(1000);
+  for (std::size_t i = 0; i < source.size(); ++i) source[i] = static_cast<double>(i) / 3;
+  for (std::uint8_t i = 0; i < 3; ++i) bytes.host(block)[i] = i;
+  nothing.copy(block, nullptr);
+  numbers.copy(block, source.data());
+  ctx.send(block, inputs.bytes());
+  CHECK(numbers.at % turbomap::block_alignment == 0);
+  CHECK(inputs.bytes() >= 3 + 1000 * sizeof(double));
+  std::vector<double> buffer;
+  std::vector<std::uint8_t> byte_buffer;
+  const double* arrived = ctx.on_host(numbers.resident(block), 1000, buffer);
+  const std::uint8_t* three = ctx.on_host(bytes.resident(block), 3, byte_buffer);
+  ctx.synchronize();
+  CHECK(std::memcmp(arrived, source.data(), source.size() * sizeof(double)) == 0);
+  CHECK((three[0] == 0 && three[1] == 1 && three[2] == 2));
+}
+
 }  // namespace turbomap_test

@@ -27,6 +27,7 @@ TEST_CASE_TEMPLATE("loops, copies, uploads and scratch", Policy, TURBOMAP_TEST_P
   turbomap_test::check_parallel(Policy{});
   turbomap_test::check_scratch(Policy{});
   turbomap_test::check_upload(Policy{});
+  turbomap_test::check_packed_inputs(Policy{});
 }
 
 TEST_CASE("thrust::host and thrust::device are policies too") {

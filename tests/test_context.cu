@@ -22,6 +22,7 @@ void check_all(const Policy& policy) {
   check_parallel(policy);
   check_scratch(policy);
   check_upload(policy);
+  check_packed_inputs(policy);
 }
 
 TEST_CASE("every CUDA policy") {

@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// A growable buffer of plain elements in the memory of a policy: what results live in until somebody asks for them on
-/// the host. Growing discards the content; nothing is ever initialised behind the user's back.
+/// A growable buffer of plain elements in the memory of a policy: results stay there until they are asked for on the host.
+/// Growing discards the content; elements are not initialised.
 
 #include <cstddef>
 #include <memory_resource>

@@ -22,13 +22,13 @@ struct device_error : std::runtime_error {
 /// The memory resource of an execution policy has no room left. Whatever was being grown is as it was before the call.
 class out_of_memory : public std::bad_alloc {
  public:
-  out_of_memory(const char* where, std::size_t bytes)
-      : what_(std::string("turbomap: out of ") + where + " memory: " + std::to_string(bytes) +
-              " bytes were asked for") {}
-  const char* what() const noexcept override { return what_.c_str(); }
+  out_of_memory(const char* where, std::size_t bytes) noexcept {
+    std::snprintf(what_, sizeof what_, "turbomap: out of %s memory: %zu bytes were asked for", where, bytes);
+  }
+  const char* what() const noexcept override { return what_; }
 
  private:
-  std::string what_;
+  char what_[96];
 };
 
 /// A handle names a keyframe that has been erased, or never was in this store.
@@ -49,18 +49,37 @@ inline std::string printed(double value) {
   std::snprintf(text, sizeof text, "%.9g", value);
   return text;
 }
+inline std::string printed(long long value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%lld", value);
+  return text;
+}
+inline std::string printed(unsigned long long value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%llu", value);
+  return text;
+}
 inline std::string printed(const char* value) { return value; }
 inline std::string printed(const std::string& value) { return value; }
 template <class Integer, class = std::enable_if_t<std::is_integral_v<Integer>>>
 std::string printed(Integer value) {
-  return std::to_string(value);
+  return printed(static_cast<std::conditional_t<std::is_signed_v<Integer>, long long, unsigned long long>>(value));
 }
 /// @}
 
 /// Throws std::invalid_argument "turbomap: ARGUMENT = VALUE: RULE".
+[[noreturn]] inline void reject_printed(const char* argument, const std::string& value, const char* rule) {
+  std::string text = "turbomap: ";
+  text.append(argument).append(" = ").append(value).append(": ").append(rule);
+  throw std::invalid_argument(text);
+}
+template <class Value>
+[[noreturn]] void reject(const char* argument, const Value& value, const char* rule) {
+  reject_printed(argument, printed(value), rule);
+}
 template <class Value>
 [[noreturn]] void reject(const std::string& argument, const Value& value, const char* rule) {
-  throw std::invalid_argument("turbomap: " + argument + " = " + printed(value) + ": " + rule);
+  reject(argument.c_str(), value, rule);
 }
 
 /// The library's precondition: when `holds` is false, throws std::invalid_argument naming the argument, its value and the

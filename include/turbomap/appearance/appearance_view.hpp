@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// What an update of map points takes and gives, as plain data.
+/// What update_appearance() takes and gives, as plain data.
 
 #include <cstddef>
 #include <cstdint>
@@ -44,8 +44,8 @@ struct point_appearance {
                        ///< shorter than 1, the more the rays differ
   float min_distance;  ///< m from the camera at which the pyramid still sees the point: max_distance / s^(levels - 1)
   float max_distance;  ///< m; distance to the reference keyframe * s^octave
-  std::int32_t
-      medoid;  ///< the observation with the representative descriptor, counted from the point's first; -1: none
+  /// The observation with the representative descriptor, counted from the point's first; -1: none.
+  std::int32_t medoid;
 };
 
 /// Appearances as update_appearance() gives them, by number of the point.

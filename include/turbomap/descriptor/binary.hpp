@@ -73,8 +73,8 @@ struct binary_descriptor {
   using distance_type = std::int32_t;
   static constexpr int elements = Bits / 8;
   static constexpr int bytes = Bits / 8;
-  static constexpr distance_type worst =
-      std::numeric_limits<distance_type>::max();  ///< farther than any two descriptors
+  /// Farther than any two descriptors.
+  static constexpr distance_type worst = std::numeric_limits<distance_type>::max();
 
   /// Number of different bits, 0 to Bits. The descriptors may lie at any address.
   /// (Always inlined: nothing is left that the linker could merge with a version for another processor.)

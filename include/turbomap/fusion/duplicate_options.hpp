@@ -44,7 +44,7 @@ enum class duplicate_outcome : std::uint16_t {  // 16 bits: a trial has no bytes
   no_consistent_keypoint = 9,  ///< none of those in the window has the octave and the reprojection error
 };
 
-/// Map points in host memory, one array a field.
+/// Map points in host memory, one array per field.
 template <class Descriptor>
 struct map_point_view {
   int count = 0;
@@ -60,9 +60,9 @@ template <class Descriptor, class Camera>
 struct duplicate_target {
   keyframe_view<Descriptor, Camera> view;
   rigid_transform<double> T_cw;  ///< world to camera (to body for a rig with T_camera_body)
-  span<const std::uint8_t> skip =
-      {};  ///< host memory, [camera][point], not 0: the point is observed in that camera already,
-           ///< or not to be looked for. Empty: none is
+  /// In host memory, [camera][point]; not 0: the point is observed in that camera already, or not to be looked for. Empty:
+  /// none is.
+  span<const std::uint8_t> skip = {};
 };
 
 /// One match: point `point` looks like keypoint `keypoint`, which camera `camera` of target number `target` saw.

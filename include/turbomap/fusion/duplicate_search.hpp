@@ -35,8 +35,8 @@ TURBOMAP_BEGIN_NAMESPACE
 /// \param options  thresholds
 /// \param result   of this context; overwritten, its memory reused. Under CUDA the search may still be running on
 ///                 return
-/// \throws std::invalid_argument naming argument and value (targets[i].T_cw that is not finite, sizes that do not
-/// fit...); `result` is then as it was
+/// \throws std::invalid_argument  with argument and value: a pose targets[i].T_cw that is not finite, sizes that do not fit...;
+///                                `result` is then as it was
 /// \throws std::bad_alloc  there is no memory left; `result` then holds no matches
 /// Cost: O(points x cameras of all targets), a few operations for most; O(keypoints in the window) for those in view.
 template <class Descriptor, class Camera, class Policy>

@@ -31,8 +31,8 @@ TURBOMAP_BEGIN_NAMESPACE
 ///                    (baseline_suffices_stereo, baseline_suffices_monocular)
 /// \param options     thresholds, candidates, ties
 /// \param result      of this context; overwritten, its memory reused. Under CUDA the search may still be running on return
-/// \throws std::invalid_argument naming argument and value (poses that are not finite, sizes that do not fit...); `result`
-///         is then as it was
+/// \throws std::invalid_argument  with argument and value: poses that are not finite, sizes that do not fit...; `result` is
+///                                then as it was
 /// \throws std::bad_alloc  there is no memory left; `result` then holds no matches
 /// Cost: exhaustive O(query keypoints x candidates); ordered about 2 % of that; grouped O(pairs in equal words).
 template <class Descriptor, class Camera, class Policy>

@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// Correspondences that somebody else found (a learned matcher, a recording), brought to where filters and point creation
+/// Correspondences that were found elsewhere (by a learned matcher, in a recording), brought to where filters and point creation
 /// work on them.
 
 #include <cstdint>

@@ -13,10 +13,13 @@ namespace turbomap {
 
 /// Which keypoints of a neighbour a query keypoint is compared with.
 enum class candidates : std::uint8_t {
-  exhaustive,        ///< all of them, one by one
-  epipolar_ordered,  ///< all that can lie on its epipolar curve: the answer of `exhaustive`, found in a few percent of the
-  ///< comparisons. A device compares all (it is faster at that than at ordering); the result is the same
-  grouped  ///< those of its visual word group only [ORB-SLAM3 parity]
+  /// All of them, one by one.
+  exhaustive,
+  /// All that can lie on its epipolar curve: the answer of `exhaustive`, found with a few percent of the comparisons. A device
+  /// compares all, which it does faster than sorting them; the result is the same.
+  epipolar_ordered,
+  /// Those of its visual word group only [ORB-SLAM3 parity].
+  grouped
 };
 
 /// Which candidate wins among equal descriptor distances.

@@ -26,8 +26,12 @@ class argument_name {
   argument_name(const char* name) : name_(name) {}
   argument_name(const char* array, std::size_t index) : name_(array), index_(index), is_element_(true) {}
 
-  std::string text() const { return is_element_ ? name_ + ("[" + std::to_string(index_) + "]") : name_; }
-  std::string operator+(const char* member) const { return text() + member; }
+  std::string text() const {
+    std::string name = name_;
+    if (is_element_) name.append("[").append(printed(index_)).append("]");
+    return name;
+  }
+  std::string operator+(const char* member) const { return text().append(member); }
 
  private:
   const char* name_;

@@ -31,8 +31,8 @@ struct keyframe_store_options {
   std::size_t chunk_bytes = std::size_t{16} << 20;
   keyframe_packing_options packing;
   std::pmr::memory_resource* resident = nullptr;  ///< the policy's memory; null: its default
-  std::pmr::memory_resource* paging =
-      nullptr;  ///< host memory for those paged out; null: pinned for CUDA, else the default
+  /// Host memory for those paged out; null: pinned for CUDA, else the default.
+  std::pmr::memory_resource* paging = nullptr;
   std::pmr::memory_resource* staging = nullptr;  ///< host memory to pack uploads in (CUDA only); null: pinned
 };
 
