@@ -18,8 +18,8 @@ template <class Descriptor, class Camera>
 struct posed_keyframe {
   keyframe_view<Descriptor, Camera> view;
   rigid_transform<double> T_cw;  ///< world to camera (to body for a rig with T_camera_body)
-  span<const std::uint8_t> has_point =
-      {};  ///< host memory, one byte per keypoint, not 0: holds a map point. Empty: none does
+  /// In host memory, one byte per keypoint; not 0: it holds a map point. Empty: none does.
+  span<const std::uint8_t> has_point = {};
 };
 
 }  // namespace turbomap
