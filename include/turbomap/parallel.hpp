@@ -25,28 +25,35 @@ namespace detail {
 
 /// Calls f(i) from the one compiled body that all host policies share.
 template <class Function>
-TURBOMAP_ONE_BODY void run_index(const Function& f, int i) {
-  f(i);
+TURBOMAP_ONE_BODY void run_index(const void* f, int i) {
+  (*static_cast<const Function*>(f))(i);
 }
 
-/// What Thrust runs under a host policy: it knows the policy, the body does not.
-template <class Function>
+/// What Thrust runs under a host policy. It knows no function object, so Thrust is compiled once per policy, not once per
+/// piece of work.
 struct index_caller {
-  Function f;
-  void operator()(int i) const { run_index(f, i); }
+  const void* f;
+  void (*run)(const void* f, int i);
+  void operator()(int i) const { run(f, i); }
 };
+
+/// for_each_index of a host policy.
+template <class Policy>
+void call_indices(const Policy& policy, int n, const index_caller& caller) {
+  thrust::for_each_n(policy, thrust::counting_iterator<int>(0), n, caller);
+}
 
 }  // namespace detail
 
-/// Calls f(i) for i in [0, n), in any order and possibly concurrently, as the policy says. `f` is copied by value; on a
-/// device it must hold plain views only. Returns when the work is done (host) or enqueued (CUDA).
+/// Calls f(i) for i in [0, n), in any order and possibly concurrently, as the policy says. On a device `f` is copied by value
+/// and must hold plain views only. Returns when the work is done (host) or enqueued (CUDA).
 ///
 /// All host policies run the same instructions, so they give the same bits, whatever flags the program is compiled with;
 /// the type of `f` must not depend on the policy for that. The call costs about 1 ns per index.
 template <class Derived, class Function>
-void for_each_index(const thrust::execution_policy<Derived>& policy, int n, Function f) {
-  thrust::for_each_n(thrust::detail::derived_cast(thrust::detail::strip_const(policy)),
-                     thrust::counting_iterator<int>(0), n, detail::index_caller<Function>{f});
+void for_each_index(const thrust::execution_policy<Derived>& policy, int n, const Function& f) {
+  detail::call_indices(thrust::detail::derived_cast(thrust::detail::strip_const(policy)), n,
+                       {&f, &detail::run_index<Function>});
 }
 
 /// Copies bytes from the host into the policy's memory. On CUDA: enqueued; the source must be pinned and stay unchanged

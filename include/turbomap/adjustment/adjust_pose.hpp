@@ -173,7 +173,7 @@ struct adjust_one_pose {
 template <class Derived, class Camera>
 void launch_adjust_poses(const thrust::execution_policy<Derived>& policy, int frames,
                          const adjust_one_pose<Camera>& work) {
-  for_each_index(policy, frames, work);
+  for_each_index(derived(policy), frames, work);
 }
 
 TURBOMAP_END_NAMESPACE

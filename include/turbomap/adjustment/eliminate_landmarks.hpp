@@ -97,13 +97,13 @@ struct eliminate_landmarks {
 /// The largest diagonal element of H of each landmark.
 template <class Derived, class A>
 void launch_scale_landmarks(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s, double* diagonal) {
-  for_each_index(policy, s.landmarks, scale_of_landmarks<A>{s, diagonal});
+  for_each_index(derived(policy), s.landmarks, scale_of_landmarks<A>{s, diagonal});
 }
 
 template <int V, class Derived, class A>
 void launch_eliminate_landmarks(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s,
                                 const damping& damping) {
-  for_each_index(policy, s.landmarks, eliminate_landmarks<A, V>{s, damping});
+  for_each_index(derived(policy), s.landmarks, eliminate_landmarks<A, V>{s, damping});
 }
 
 TURBOMAP_END_NAMESPACE

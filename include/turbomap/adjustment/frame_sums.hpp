@@ -39,7 +39,7 @@ struct sum_frames {
 /// \tparam V  unknowns of a frame that landmarks depend on  \tparam D  all unknowns of a frame
 template <int V, int D, class Derived, class A>
 void launch_sum_frames(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s) {
-  for_each_index(policy, s.free_frames, sum_frames<A, V, D>{s});
+  for_each_index(derived(policy), s.free_frames, sum_frames<A, V, D>{s});
 }
 
 TURBOMAP_END_NAMESPACE

@@ -67,21 +67,21 @@ struct combine_frames {
 template <int D, class Derived>
 void launch_factorise_blocks(const thrust::execution_policy<Derived>& policy, int free_frames, double* blocks,
                              double* good) {
-  for_each_index(policy, free_frames, factorise_diagonal_blocks<D>{blocks, good});
+  for_each_index(derived(policy), free_frames, factorise_diagonal_blocks<D>{blocks, good});
 }
 
 /// z = M^-1 r, and the parts of the inner product r z.
 template <int D, class Derived>
 void launch_precondition_frames(const thrust::execution_policy<Derived>& policy, int free_frames, const double* factors,
                                 const double* r, double* z, double* product) {
-  for_each_index(policy, free_frames, precondition_frames<D>{factors, r, z, product});
+  for_each_index(derived(policy), free_frames, precondition_frames<D>{factors, r, z, product});
 }
 
 /// to = a + s b, and the parts of the inner product a b where `product` is not null.
 template <int D, class Derived>
 void launch_combine_frames(const thrust::execution_policy<Derived>& policy, int free_frames, const double* a, double s,
                            const double* b, double* to, double* product) {
-  for_each_index(policy, free_frames, combine_frames<D>{a, s, b, to, product});
+  for_each_index(derived(policy), free_frames, combine_frames<D>{a, s, b, to, product});
 }
 
 TURBOMAP_END_NAMESPACE

@@ -47,7 +47,7 @@ struct gather_measurement {
 template <class Derived, class Descriptor, class Camera>
 void launch_gather_measurements(const thrust::execution_policy<Derived>& policy, int row_count,
                                 const measurement_rows<Descriptor, Camera>& rows) {
-  for_each_index(policy, row_count, gather_measurement<Descriptor, Camera>{rows});
+  for_each_index(derived(policy), row_count, gather_measurement<Descriptor, Camera>{rows});
 }
 
 /// Index = frame: its cameras side by side, `most` places per frame.
@@ -65,7 +65,7 @@ struct gather_rig {
 template <class Derived, class Descriptor, class Camera>
 void launch_gather_rigs(const thrust::execution_policy<Derived>& policy, int frame_count,
                         const keyframe_view<Descriptor, Camera>* frames, rig_camera<Camera>* cameras, int most) {
-  for_each_index(policy, frame_count, gather_rig<Descriptor, Camera>{frames, cameras, most});
+  for_each_index(derived(policy), frame_count, gather_rig<Descriptor, Camera>{frames, cameras, most});
 }
 
 TURBOMAP_END_NAMESPACE

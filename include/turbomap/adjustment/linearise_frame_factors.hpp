@@ -95,7 +95,7 @@ template <bool Pair, class Frame, class Derived, class Factor, class Kernel>
 void launch_linearise_frame_factors(const thrust::execution_policy<Derived>& policy,
                                     const frame_factor_view<Factor, Kernel>& group, const estimate_view<Frame>& x,
                                     double* partial, double* square) {
-  for_each_index(policy, group.count,
+  for_each_index(derived(policy), group.count,
                  linearise_frame_factors<Pair, Frame, Factor, Kernel>{group, x.states, partial, square});
 }
 
@@ -103,7 +103,8 @@ template <bool Pair, class Frame, class Derived, class Factor, class Kernel>
 void launch_evaluate_frame_factors(const thrust::execution_policy<Derived>& policy,
                                    const frame_factor_view<Factor, Kernel>& group, const estimate_view<Frame>& x,
                                    const cost_sums& sums) {
-  for_each_index(policy, group.count, cost_of_frame_factors<Pair, Frame, Factor, Kernel>{group, x.states, sums});
+  for_each_index(derived(policy), group.count,
+                 cost_of_frame_factors<Pair, Frame, Factor, Kernel>{group, x.states, sums});
 }
 
 TURBOMAP_END_NAMESPACE

@@ -107,7 +107,7 @@ template <class Frame, class Derived, class Factor, class Kernel, class A>
 void launch_linearise_landmark_factors(const thrust::execution_policy<Derived>& policy,
                                        const landmark_factor_view<Factor, Kernel>& group, const estimate_view<Frame>& x,
                                        const factor_sums<A>& sums) {
-  for_each_index(policy, group.chunk_count,
+  for_each_index(derived(policy), group.chunk_count,
                  linearise_landmark_factors<Frame, Factor, Kernel, A>{group, x.states, x.landmarks, sums});
 }
 
@@ -116,7 +116,7 @@ template <class Frame, class Derived, class Factor, class Kernel>
 void launch_evaluate_landmark_factors(const thrust::execution_policy<Derived>& policy,
                                       const landmark_factor_view<Factor, Kernel>& group, const estimate_view<Frame>& x,
                                       const cost_sums& sums, double* chi2) {
-  for_each_index(policy, group.chunk_count,
+  for_each_index(derived(policy), group.chunk_count,
                  cost_of_landmark_factors<Frame, Factor, Kernel>{group, x.states, x.landmarks, sums, chi2});
 }
 

@@ -143,7 +143,7 @@ void launch_linearise_reprojections(const thrust::execution_policy<Derived>& pol
                                     const reprojection_view<Camera, Kernel>& group, const isometry<double>* T_bw,
                                     const double* landmarks, const factor_sums<A>& sums) {
   constexpr int lanes = observation_shape<memory_of_t<Derived>>::lanes;
-  for_each_index(policy, group.chunk_count,
+  for_each_index(derived(policy), group.chunk_count,
                  linearise_reprojections<Camera, Kernel, G, A, lanes, V>{group, T_bw, landmarks, sums});
 }
 

@@ -41,7 +41,7 @@ struct retract_frames {
 
 template <class Frame, class Derived>
 void launch_prepare_poses(const thrust::execution_policy<Derived>& policy, int frames, const estimate_view<Frame>& x) {
-  for_each_index(policy, frames, prepare_poses<Frame>{x.states, x.poses});
+  for_each_index(derived(policy), frames, prepare_poses<Frame>{x.states, x.poses});
 }
 
 /// \param step  of the free frames
@@ -49,7 +49,7 @@ template <class Frame, class Derived>
 void launch_retract_frames(const thrust::execution_policy<Derived>& policy, int frames,
                            const std::int32_t* free_of_frame, const double* step, const estimate_view<Frame>& from,
                            const estimate_view<Frame>& to) {
-  for_each_index(policy, frames, retract_frames<Frame>{free_of_frame, step, from.states, to.states});
+  for_each_index(derived(policy), frames, retract_frames<Frame>{free_of_frame, step, from.states, to.states});
 }
 
 TURBOMAP_END_NAMESPACE

@@ -129,7 +129,7 @@ void launch_reduce_blocks(const thrust::execution_policy<Derived>& policy, const
   const int count = s.free_frames + s.blocks;
   int step = count / 2 + count / 8;  // any number without a common divisor
   while (step > 1 && std::gcd(step, count) != 1) --step;
-  for_each_index(policy, count, reduce_blocks<A, V, D>{s, out, damping, count, step > 0 ? step : 1});
+  for_each_index(derived(policy), count, reduce_blocks<A, V, D>{s, out, damping, count, step > 0 ? step : 1});
 }
 
 TURBOMAP_END_NAMESPACE

@@ -88,7 +88,7 @@ void launch_sum_reprojection_cost(const thrust::execution_policy<Derived>& polic
                                   const reprojection_view<Camera, Kernel>& group, const isometry<double>* T_bw,
                                   const double* landmarks, const cost_sums& sums) {
   constexpr int lanes = observation_shape<memory_of_t<Derived>>::lanes;
-  for_each_index(policy, group.chunk_count,
+  for_each_index(derived(policy), group.chunk_count,
                  cost_of_reprojections<Camera, Kernel, G, lanes>{group, T_bw, landmarks, sums});
 }
 
@@ -97,7 +97,8 @@ template <class Derived, class Camera, class Kernel>
 void launch_measure_reprojections(const thrust::execution_policy<Derived>& policy,
                                   const reprojection_view<Camera, Kernel>& group, const isometry<double>* T_bw,
                                   const double* landmarks, double* chi2, double* depth) {
-  for_each_index(policy, group.chunk_count, chi2_of_reprojections<Camera, Kernel>{group, T_bw, landmarks, chi2, depth});
+  for_each_index(derived(policy), group.chunk_count,
+                 chi2_of_reprojections<Camera, Kernel>{group, T_bw, landmarks, chi2, depth});
 }
 
 TURBOMAP_END_NAMESPACE

@@ -73,14 +73,14 @@ struct multiply_frames {
 template <int V, int D, class Derived, class A>
 void launch_gather_landmarks(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s, const double* p,
                              double* y) {
-  for_each_index(policy, s.landmarks, gather_landmarks<A, V, D>{s, p, y});
+  for_each_index(derived(policy), s.landmarks, gather_landmarks<A, V, D>{s, p, y});
 }
 
 /// q = S p. \param y  of launch_gather_landmarks()
 template <int V, int D, class Derived, class A>
 void launch_multiply_frames(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s, const double* p,
                             const double* y, const damping& damping, double* q) {
-  for_each_index(policy, s.free_frames, multiply_frames<A, V, D>{s, p, y, damping, q});
+  for_each_index(derived(policy), s.free_frames, multiply_frames<A, V, D>{s, p, y, damping, q});
 }
 
 TURBOMAP_END_NAMESPACE

@@ -69,7 +69,7 @@ template <int V, int D, class Derived, class A>
 void launch_substitute_landmarks(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s,
                                  const double* step, const damping& damping, const double* from, double* to,
                                  double* predicted) {
-  for_each_index(policy, landmark_gain_count(s.landmarks),
+  for_each_index(derived(policy), landmark_gain_count(s.landmarks),
                  substitute_landmarks<A, V, D>{s, step, damping, from, to, predicted});
 }
 
