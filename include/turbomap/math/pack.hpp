@@ -12,8 +12,11 @@
 
 #include "../config.hpp"
 
-#if TURBOMAP_X86_VECTORS
+// <immintrin.h> declares every vector extension there is, and takes longer to read than the rest of the library.
+#if TURBOMAP_X86_VECTORS && TURBOMAP_VECTOR_BYTES > 16
 #include <immintrin.h>
+#elif TURBOMAP_X86_VECTORS
+#include <emmintrin.h>
 #endif
 
 TURBOMAP_BEGIN_NAMESPACE
