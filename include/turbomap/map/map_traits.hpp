@@ -120,8 +120,11 @@ using map_keyframe_member = std::void_t<
     if_converts<decltype(T::point_at(std::declval<const M&>(), std::declval<keyframe_of<T>>(), std::size_t{})),
                 point_of<T>>>;
 template <class M, class T>
+using map_keypoint_count_member =
+    if_converts<decltype(T::keypoint_count(std::declval<const M&>(), std::declval<keyframe_of<T>>())), std::size_t>;
+template <class M, class T>
 using map_keypoint_member = std::void_t<
-    if_converts<decltype(T::keypoint_count(std::declval<const M&>(), std::declval<keyframe_of<T>>())), std::size_t>,
+    map_keypoint_count_member<M, T>,
     if_converts<decltype(T::keypoint(std::declval<const M&>(), std::declval<keyframe_of<T>>(), std::size_t{})),
                 turbomap::keypoint>>;
 template <class M, class T>
@@ -195,8 +198,7 @@ struct pointee<Name, std::void_t<decltype(*std::declval<const Name&>())>> {
 };
 /// Whether keyframe_traits of what a keyframe's name points to describe its keypoints.
 template <class M, class T>
-using keypoints_by_keyframe_traits =
-    std::enable_if_t<has_keyframe_traits_v<typename pointee<keyframe_of<T>>::type>>;
+using keypoints_by_keyframe_traits = std::enable_if_t<has_keyframe_traits_v<typename pointee<keyframe_of<T>>::type>>;
 template <class Map>
 inline constexpr bool describes_keypoints_v =
     map_has_v<Map, map_keypoint_member> || map_has_v<Map, keypoints_by_keyframe_traits>;
@@ -207,8 +209,8 @@ inline constexpr bool describes_keypoints_v =
 template <class Map>
 inline constexpr bool has_map_traits_v =
     detail::has_members_v<Map, map_traits<Map>, detail::map_names_member, detail::map_keyframe_member,
-                          detail::map_point_member, detail::map_observations_member, detail::map_write_member> &&
-    detail::describes_keypoints_v<Map>;
+                          detail::map_point_member, detail::map_observations_member, detail::map_write_member>&&
+        detail::describes_keypoints_v<Map>;
 
 /// Explains in words what map_traits<Map> lacks: `static_assert(require_map_traits<Map>());`.
 template <class Map>
@@ -226,9 +228,10 @@ constexpr bool require_map_traits() {
     static_assert(
         detail::has_member<detail::map_keyframe_member, M, T>::value,
         "turbomap: map_traits lacks one of the reads of a keyframe: id, alive, pose, point_at; see docs/map.md");
-    static_assert(detail::describes_keypoints_v<Map>,
-                  "turbomap: map_traits needs keypoint_count and keypoint, unless a keyframe is named by a pointer to a "
-                  "type with keyframe_traits; see docs/map.md");
+    static_assert(
+        detail::describes_keypoints_v<Map>,
+        "turbomap: map_traits needs keypoint_count and keypoint, unless a keyframe is named by a pointer to a "
+        "type with keyframe_traits; see docs/map.md");
     static_assert(detail::has_member<detail::map_point_member, M, T>::value,
                   "turbomap: map_traits lacks one of the reads of a point: id, alive, replacement, position, normal, "
                   "min_distance, max_distance, descriptor_data, reference; see docs/map.md");
@@ -246,7 +249,7 @@ constexpr bool require_map_traits() {
 /// The number of keypoints of a keyframe: by map_traits, or by keyframe_traits of what its name points to.
 template <class Map>
 std::size_t keypoint_count_of([[maybe_unused]] const Map& map, const typename map_traits<Map>::keyframe& keyframe) {
-  if constexpr (detail::map_has_v<Map, detail::map_keypoint_member>) {
+  if constexpr (detail::map_has_v<Map, detail::map_keypoint_count_member>) {
     return map_traits<Map>::keypoint_count(map, keyframe);
   } else {
     using described = typename detail::pointee<typename map_traits<Map>::keyframe>::type;
