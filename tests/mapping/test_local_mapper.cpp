@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// The loop of local mapping: the same map under every host policy, true to the landmarks; stages, hooks, deadlines, the
-/// guard of the map; bad keyframes, maps that contradict themselves, other threads, no memory.
+/// The loop of local mapping: stages, hooks, deadlines, the guard of the map; bad keyframes, maps that contradict
+/// themselves, other threads, no memory.
 
 #include <thrust/execution_policy.h>
 
@@ -31,32 +31,11 @@ namespace {
 using namespace turbomap_test;
 using turbomap::mapping_stage;
 using turbomap::stage_outcome;
-using turbomap_test::sequential;
 using flat_traits = turbomap::map_traits<flat_map>;
 
 constexpr std::array<mapping_stage, 7> all_stages{
     mapping_stage::process, mapping_stage::point_culling, mapping_stage::search,          mapping_stage::creation,
     mapping_stage::fusion,  mapping_stage::adjustment,    mapping_stage::keyframe_culling};
-
-TEST_CASE_TEMPLATE("the same map under every policy, sound after every keyframe", Policy, TURBOMAP_TEST_POLICIES) {
-  mapping_recipe back = noisy(5);
-  back.turn_back = 6;
-  check_same_map(Policy{}, stereo_case(back), 12);
-  check_same_map(Policy{}, rig_case(noisy(6)), 9);
-  check_same_map(Policy{}, monocular_case(noisy(7)), 9);
-  auto serial = stereo_case(noisy(8));
-  serial.options.fusion.mode = turbomap::fusion_mode::serial_exact;
-  check_same_map(Policy{}, serial, 6);
-}
-
-TEST_CASE_TEMPLATE("without noise the map is right", Policy, TURBOMAP_TEST_POLICIES) {
-  check_perfect(quality_of(Policy{}, stereo_case(), 14), 150);
-  check_perfect(quality_of(Policy{}, rig_case(), 10), 200);
-  check_perfect(quality_of(Policy{}, monocular_case(), 14), 1);
-  auto serial = stereo_case();
-  serial.options.fusion.mode = turbomap::fusion_mode::serial_exact;
-  check_perfect(quality_of(Policy{}, serial, 10), 100);
-}
 
 TEST_CASE("with noise, and landmarks that look alike, it is nearly right") {
   for (unsigned seed = 1; seed <= 3; ++seed) {
