@@ -10,16 +10,9 @@
 
 #include <CLI/CLI.hpp>
 
-#include <thrust/execution_policy.h>
-#if defined(TURBOMAP_WITH_OPENMP)
-#include <thrust/system/omp/execution_policy.h>
-#endif
-#if defined(TURBOMAP_WITH_TBB)
-#include <thrust/system/tbb/execution_policy.h>
-#endif
-
 #include "bench/machine.hpp"
 #include "bench/run.hpp"
+#include "host_policy.hpp"
 #include "simulation/simulate.hpp"
 
 namespace {
@@ -35,13 +28,6 @@ turbomap::recording simulated_recording() {
 
 nlohmann::json run(const turbomap_bench::arguments& a, std::string& machine) {
   const turbomap::recording recording = simulated_recording();
-  if (a.policy == "seq") return turbomap_bench::run(thrust::seq, recording, a);
-#if defined(TURBOMAP_WITH_OPENMP)
-  if (a.policy == "omp") return turbomap_bench::run(thrust::omp::par, recording, a);
-#endif
-#if defined(TURBOMAP_WITH_TBB)
-  if (a.policy == "tbb") return turbomap_bench::run(thrust::tbb::par, recording, a);
-#endif
 #if defined(TURBOMAP_PROGRAM_WITH_CUDA)
   if (a.policy == "cuda") {
     std::string device;
@@ -51,7 +37,7 @@ nlohmann::json run(const turbomap_bench::arguments& a, std::string& machine) {
   }
 #endif
   (void)machine;
-  throw std::invalid_argument("--policy " + a.policy + ": this program was built without it");
+  return turbomap_bench::run(turbomap_program::host_policy(a.policy), recording, a);
 }
 
 }  // namespace

@@ -18,17 +18,10 @@ using turbomap_bundle::arguments;
 using turbomap_bundle::outcome;
 
 outcome run(const arguments& a) {
-  if (a.policy == "seq") return turbomap_bundle::run_seq(a);
-#if defined(TURBOMAP_WITH_OPENMP)
-  if (a.policy == "omp") return turbomap_bundle::run_omp(a);
-#endif
-#if defined(TURBOMAP_WITH_TBB)
-  if (a.policy == "tbb") return turbomap_bundle::run_tbb(a);
-#endif
 #if defined(TURBOMAP_PROGRAM_WITH_CUDA)
   if (a.policy == "cuda") return turbomap_bundle::run_cuda(a);
 #endif
-  throw std::invalid_argument("--policy " + a.policy + ": this program was built without it");
+  return turbomap_bundle::run_host(a);
 }
 
 }  // namespace

@@ -20,17 +20,10 @@ using turbomap_replay::arguments;
 using turbomap_replay::outcome;
 
 outcome run(const arguments& a) {
-  if (a.policy == "seq") return turbomap_replay::run_seq(a);
-#if defined(TURBOMAP_WITH_OPENMP)
-  if (a.policy == "omp") return turbomap_replay::run_omp(a);
-#endif
-#if defined(TURBOMAP_WITH_TBB)
-  if (a.policy == "tbb") return turbomap_replay::run_tbb(a);
-#endif
 #if defined(TURBOMAP_PROGRAM_WITH_CUDA)
   if (a.policy == "cuda") return turbomap_replay::run_cuda(a);
 #endif
-  throw std::invalid_argument("--policy " + a.policy + ": this program was built without it");
+  return turbomap_replay::run_host(a);
 }
 
 /// The recording that is made at build time, beside the program.

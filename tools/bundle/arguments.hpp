@@ -36,12 +36,10 @@ struct outcome {
   bool good = true;
 };
 
-/// One run under each policy. Each is compiled by itself (run_*.cpp; cuda/bundle_cuda.cu where there is CUDA): the
-/// templates of every camera, solver and precision are behind them. run_cuda throws std::runtime_error without a
-/// device.
-outcome run_seq(const arguments& arguments);
-outcome run_omp(const arguments& arguments);
-outcome run_tbb(const arguments& arguments);
+/// One run under the host policy that the arguments name, or under CUDA. The templates of every camera, solver and
+/// precision are behind them, in run_host.cpp and, where there is CUDA, cuda/bundle_cuda.cu. run_cuda throws
+/// std::runtime_error without a device.
+outcome run_host(const arguments& arguments);
 outcome run_cuda(const arguments& arguments);
 
 }  // namespace turbomap_bundle

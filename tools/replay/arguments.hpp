@@ -50,12 +50,9 @@ struct outcome {
   bool good = true;
 };
 
-/// Implemented in run_seq.cpp, run_omp.cpp and run_tbb.cpp: a compiler takes its time for each.
-outcome run_seq(const arguments& arguments);
-outcome run_omp(const arguments& arguments);
-outcome run_tbb(const arguments& arguments);
-
-/// Implemented in cuda/replay_cuda.cu where there is CUDA. Throws std::runtime_error without a device.
+/// One run under the host policy that the arguments name, or under CUDA. The templates of every stage are behind them, in
+/// run_host.cpp and, where there is CUDA, cuda/replay_cuda.cu. run_cuda throws std::runtime_error without a device.
+outcome run_host(const arguments& arguments);
 outcome run_cuda(const arguments& arguments);
 
 }  // namespace turbomap_replay

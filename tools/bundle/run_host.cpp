@@ -2,14 +2,15 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// turbomap-bundle under the TBB policy.
+/// turbomap-bundle under a host policy.
 
-#include <thrust/system/tbb/execution_policy.h>
-
+#include "host_policy.hpp"
 #include "run.hpp"
 
 namespace turbomap_bundle {
 
-outcome run_tbb(const arguments& arguments) { return run(thrust::tbb::par, arguments); }
+outcome run_host(const arguments& arguments) {
+  return run(turbomap_program::host_policy(arguments.policy), arguments);
+}
 
 }  // namespace turbomap_bundle

@@ -2,14 +2,15 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// turbomap-replay under the policy thrust::omp::par.
+/// turbomap-replay under a host policy.
 
-#include <thrust/system/omp/execution_policy.h>
-
+#include "host_policy.hpp"
 #include "run.hpp"
 
 namespace turbomap_replay {
 
-outcome run_omp(const arguments& arguments) { return run(thrust::omp::par, arguments); }
+outcome run_host(const arguments& arguments) {
+  return run(turbomap_program::host_policy(arguments.policy), arguments);
+}
 
 }  // namespace turbomap_replay
