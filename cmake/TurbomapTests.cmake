@@ -8,6 +8,7 @@
 
 option(TURBOMAP_HOST_TESTS "Build the tests of host policies; a second build for CUDA does not need them again" ON)
 option(TURBOMAP_RECORDED_TESTS "Build the tests on recorded data" ON)
+option(TURBOMAP_PRECOMPILED_TESTS "Parse the headers that all tests include once" OFF)
 set(TURBOMAP_TEST_FILTER "" CACHE STRING "Build only the tests whose name matches this regular expression")
 
 find_package(doctest CONFIG REQUIRED)
@@ -26,6 +27,17 @@ if(TURBOMAP_WITH_CUDA)
   turbomap_add_test_main(turbomap_test_main_device)
   target_compile_definitions(turbomap_test_main_device PRIVATE TURBOMAP_TEST_NEEDS_DEVICE=1)
   target_link_libraries(turbomap_test_main_device PUBLIC CUDA::cudart_static)
+endif()
+
+# What every test reads before it comes to its subject: parsed once. Other builds go without, and find a missing include.
+if(TURBOMAP_PRECOMPILED_TESTS)
+  file(CONFIGURE OUTPUT "${turbomap_BINARY_DIR}/test_headers.cpp" CONTENT "" @ONLY)
+  add_library(turbomap_test_headers OBJECT EXCLUDE_FROM_ALL "${turbomap_BINARY_DIR}/test_headers.cpp")
+  target_link_libraries(turbomap_test_headers PRIVATE turbomap_reference doctest::doctest)
+  turbomap_compile_quickly(turbomap_test_headers)
+  target_precompile_headers(turbomap_test_headers PRIVATE <algorithm> <array> <cmath> <cstdint> <cstring> <functional> <limits>
+    <map> <random> <set> <stdexcept> <string> <utility> <vector> <doctest/doctest.h> <thrust/execution_policy.h>
+    "${turbomap_SOURCE_DIR}/tests/support/policies.hpp")
 endif()
 
 # Thrust binds references to null in its own code, so the sanitizer of undefined behaviour must be able to go on after what
@@ -65,6 +77,9 @@ function(turbomap_add_test source label)
   target_link_libraries(${name} PRIVATE ${main} ${ARGN})
   if(NOT label STREQUAL "recorded" AND NOT name MATCHES "${turbomap_optimised_tests}")
     turbomap_compile_quickly(${name})
+    if(TURBOMAP_PRECOMPILED_TESTS AND extension STREQUAL ".cpp")
+      target_precompile_headers(${name} REUSE_FROM turbomap_test_headers)
+    endif()
   endif()
   set(test ${TURBOMAP_TEST_PREFIX}${name})
   add_test(NAME ${test} COMMAND ${name})
