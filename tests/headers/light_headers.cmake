@@ -10,6 +10,7 @@
 cmake_minimum_required(VERSION 3.25)
 file(GLOB_RECURSE light RELATIVE "${INCLUDE}" "${INCLUDE}/turbomap/*_options.hpp" "${INCLUDE}/turbomap/*_view.hpp"
      "${INCLUDE}/turbomap/options.hpp")
+list(FILTER light EXCLUDE REGEX "^turbomap/adjustment/.*_view\\.hpp$")   # of the solver's own kernels, not for users to fill
 list(APPEND light turbomap/map/map_traits.hpp turbomap/span.hpp turbomap/traits.hpp turbomap/types.hpp)
 list(SORT light)
 
