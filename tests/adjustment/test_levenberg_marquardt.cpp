@@ -466,4 +466,28 @@ TEST_CASE("bad input is refused by name, and the problem stays") {
   CHECK(distance(a, adjust_scene(sequential{}, good, in_float64())) == 0);
 }
 
+TEST_CASE("what a program does not compile is refused by name, and automatic does without it") {
+  using turbomap::adjustment_methods;
+  using turbomap::precision_list;
+  using turbomap::solver_list;
+  const auto s = make_adjustment_scene(scene_kind::stereo, 4, 1, 12, 2);
+  turbomap::context<sequential> ctx{sequential{}};
+  turbomap::bundle_problem<sequential, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
+  problem.assign(ctx, s.frame_input(), s.landmark_input(), s.group());
+  using sparse_alone = adjustment_methods<solver_list<reduced_solver::sparse>, precision_list<precision::float64>>;
+  using pcg_alone = adjustment_methods<solver_list<reduced_solver::pcg>, precision_list<precision::float64>>;
+  adjustment_options options = in_float64();
+  CHECK_THROWS_WITH_AS(turbomap::adjust(ctx, problem, options), doctest::Contains("options.numbers = float64"),
+                       std::invalid_argument);
+  options.solver = reduced_solver::dense;
+  CHECK_THROWS_WITH_AS(turbomap::adjust<sparse_alone>(ctx, problem, options),
+                       doctest::Contains("options.solver = dense"), std::invalid_argument);
+  options.solver = reduced_solver::automatic;  // dense, if it were there
+  const auto sparse = turbomap::adjust<sparse_alone>(ctx, problem, options);
+  CHECK(sparse.accepted > 0);
+  CHECK(sparse.each[0].linear_iterations == 0);
+  problem.assign(ctx, s.frame_input(), s.landmark_input(), s.group());
+  CHECK(turbomap::adjust<pcg_alone>(ctx, problem, options).each[0].linear_iterations > 0);
+}
+
 }  // namespace

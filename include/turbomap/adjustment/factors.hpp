@@ -6,9 +6,8 @@
 /// The factor groups that a problem is made of, as the caller gives them: plain views of host arrays, read by
 /// bundle_problem::assign() and not kept. A group is many residual blocks of one kind, SoA.
 ///
-/// A factor of one's own is a trivially copyable struct; `row` is what differs between its blocks (also trivially
-/// copyable),
-/// and its residual is whitened (divided by its standard deviation):
+/// The user's own factor is a trivially copyable struct. `row` is what differs between its blocks (trivially copyable too).
+/// Its residual is whitened, that is, divided by its standard deviation:
 ///
 ///     struct my_factor {
 ///       static constexpr int size = 2;          // residuals of a block
@@ -36,14 +35,13 @@
 
 namespace turbomap {
 
-/// Reprojections: pixels of landmarks in the cameras of a rig. A row is mono (two residuals: u, v) or, with a u_right
-/// that
-/// is not negative and not NaN, stereo (three: u, v, u_right = u - bf / depth).
+/// Reprojections: pixels of landmarks in the cameras of a rig. A row is mono (two residuals: u, v) or, with a u_right that is
+/// neither negative nor NaN, stereo (three: u, v, u_right = u - bf / depth).
 /// \tparam Camera  any camera model; its own jacobian() is used where it has one, else dual numbers
 template <class Camera, class Kernel = huber>
 struct reprojections {
   rig_view<Camera> rig;                  ///< run-time cameras with T_camera_body and bf; copied
-  span<const std::int32_t> frame;        ///< one a row: which frame sees
+  span<const std::int32_t> frame;        ///< one per row: which frame sees
   span<const std::int32_t> landmark;     ///< which landmark
   span<const vec3<double>> pixel;        ///< u, v, u_right in px; negative or NaN u_right: none
   span<const double> information;        ///< 1 / sigma^2, px^-2; 0 switches a row off
@@ -51,14 +49,12 @@ struct reprojections {
   span<const std::uint8_t> stereo = {};  ///< not 0: three residuals, whatever u_right is; empty: where u_right >= 0
   Kernel mono_kernel = {};               ///< kernel of rows with two residuals
   Kernel stereo_kernel = {};             ///< kernel of rows with three
-  /// Of the errors of u and u_right, from 0 (independent [ORB-SLAM3]) to below 1. A u_right that was found by matching
-  /// the left one's patch moves with it: the sigma of the disparity is sqrt(2 (1 - correlation)) that of u. Too
-  /// much does harm: depths are believed that are not known.
+  /// Of the errors of u and u_right, from 0 (independent [ORB-SLAM3]) to below 1. A u_right that was found by matching the
+  /// patch of the left image moves with it: the sigma of the disparity is sqrt(2 (1 - correlation)) that of u. Too much does
+  /// harm: depths are believed that are not known.
   double stereo_correlation = 0;
-  /// chi2 of a row whose camera cannot project its landmark (it has no derivative then): as if it were off by 1000 px
-  /// at
-  /// sigma 1, so that a step does not gain by making rows undefined. Pinholes are undefined in their focal plane only:
-  /// rows
+  /// chi2 of a row whose camera cannot project its landmark (it has no derivative then): as if it were off by 1000 px at
+  /// sigma 1, so that a step does not gain by making rows undefined. Pinholes are undefined in their focal plane only: rows
   /// behind them keep the error of the formula, as in g2o and Ceres.
   double undefined_chi2 = 1e6;
 };
@@ -72,7 +68,7 @@ reprojections<Camera, huber> huber_reprojections(rig_view<Camera> rig) {
   return group;
 }
 
-/// Factors of one's own between a frame and a landmark.
+/// The user's own factors between a frame and a landmark.
 template <class Factor, class Kernel = no_kernel>
 struct landmark_factors {
   Factor factor;

@@ -7,15 +7,13 @@
 ///
 ///     struct my_frame {
 ///       static constexpr int dof = 15;           // unknowns of a frame: the size of its block
-///       static constexpr int landmark_dof = 6;   // the first so many of them are all that factors with landmarks
-///       depend on
+///       static constexpr int landmark_dof = 6;   // factors with landmarks depend on the first so many of them
 ///       template <class S> struct state { ... }; // trivially copyable for S = double
 ///       template <class S> TURBOMAP_HD static state<S> retract(const state<double>& x, const S* step);
 ///       template <class S> TURBOMAP_HD static rigid_transform<S> pose(const state<S>& x);   // T_cw, for reprojections
 ///     };
 ///
-/// S is double, or a dual number when derivatives are taken at step = 0. Where reprojection groups are used, the first
-/// six
+/// S is double, or a dual number when derivatives are taken at step = 0. Where reprojection groups are used, the first six
 /// unknowns are those of the pose, as in pose_frame.
 
 #include "../config.hpp"
@@ -24,9 +22,8 @@
 
 namespace turbomap {
 
-/// A frame that is a pose `T_cw`. Its step is (omega, v), radians then metres, on the left: T_cw <- exp(omega, v)
-/// T_cw. The
-/// quaternion is of unit length afterwards.
+/// A frame that is a pose `T_cw`. Its step is (omega, v), radians then metres, on the left: T_cw <- exp(omega, v) T_cw. The
+/// quaternion has unit length afterwards.
 struct pose_frame {
   static constexpr int dof = 6;
   static constexpr int landmark_dof = 6;

@@ -10,12 +10,10 @@
 
 #include <chrono>
 #include <cstddef>
-#include <stdexcept>
 #include <utility>
 
 #include "../config.hpp"
 #include "../context.hpp"
-#include "../error.hpp"
 #include "cholesky_solver.hpp"
 #include "conjugate_gradients.hpp"
 #include "damping.hpp"
@@ -24,35 +22,12 @@
 #include "move_frames.hpp"
 #include "normal_equations.hpp"
 #include "options.hpp"
+#include "options_check.hpp"
 #include "problem.hpp"
+#include "step_solver.hpp"
 #include "substitute_landmarks.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
-
-namespace detail {
-
-/// A solver of the reduced system, whichever it is.
-template <class Policy>
-class step_solver {
- public:
-  virtual reduced_step solve(context<Policy>& ctx, const damping& damping) = 0;
-
- protected:
-  ~step_solver() = default;
-};
-
-template <class Policy, class Solver>
-class step_solver_of final : public step_solver<Policy> {
- public:
-  template <class... Arguments>
-  explicit step_solver_of(Arguments&&... arguments) : solver_(std::forward<Arguments>(arguments)...) {}
-  reduced_step solve(context<Policy>& ctx, const damping& damping) override { return solver_.solve(ctx, damping); }
-
- private:
-  Solver solver_;
-};
-
-}  // namespace detail
 
 /// One adjustment of one problem in one precision; adjust() runs it.
 /// \tparam Data  a problem_data
@@ -226,30 +201,6 @@ class levenberg_marquardt {
   adjustment_summary summary_;
   double* gains_ = nullptr;
 };
-
-namespace detail {
-
-/// Throws std::invalid_argument where an option is out of range, or not among the methods of the program.
-template <class Methods>
-void require_options(const adjustment_options& o) {
-  require(o.max_iterations >= 0, "options.max_iterations", o.max_iterations, "must not be negative");
-  require(o.max_retries >= 0, "options.max_retries", o.max_retries, "must not be negative");
-  require(o.initial_lambda >= 0 && is_finite(o.initial_lambda), "options.initial_lambda", o.initial_lambda,
-          "must be finite and not negative");
-  require(o.initial_lambda_scale > 0 && is_finite(o.initial_lambda_scale), "options.initial_lambda_scale",
-          o.initial_lambda_scale, "must be finite and positive");
-  require(o.min_relative_decrease >= 0, "options.min_relative_decrease", o.min_relative_decrease,
-          "must not be negative");
-  require(o.slow_iterations > 0, "options.slow_iterations", o.slow_iterations, "must be positive");
-  require(o.pcg_tolerance > 0, "options.pcg_tolerance", o.pcg_tolerance, "must be positive");
-  require(o.pcg_max_iterations > 0, "options.pcg_max_iterations", o.pcg_max_iterations, "must be positive");
-  require(o.solver == reduced_solver::automatic || Methods::solvers::has(o.solver), "options.solver",
-          to_string(o.solver), "is not compiled: name it in the methods of adjust()");
-  require(Methods::precisions::has(o.numbers), "options.numbers", to_string(o.numbers),
-          "is not compiled: name it in the methods of adjust()");
-}
-
-}  // namespace detail
 
 /// Adjusts a problem: moves its free frames and landmarks to where the sum of rho(chi2) of all factors is least. One
 /// iteration is one linearisation with all its retries. The same input gives the same bits, run by run, for any host policy

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "../config.hpp"
+#include "../math/functions.hpp"
 #include "../parallel.hpp"
 #include "factor_derivatives.hpp"
 #include "factor_sums.hpp"

@@ -9,6 +9,7 @@
 #include <cstdint>
 
 #include "../config.hpp"
+#include "../math/functions.hpp"
 #include "../parallel.hpp"
 #include "factor_derivatives.hpp"
 #include "factor_sums.hpp"

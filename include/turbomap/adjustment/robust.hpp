@@ -6,7 +6,7 @@
 /// Robust kernels: functions rho of chi2 (the squared, whitened error) that grow slower than chi2 itself, with
 /// rho(s) = s for small s, and their derivative, the weight of iteratively reweighted least squares.
 ///
-/// A kernel of one's own is a trivially copyable function object; rho must be monotone, 0 at 0:
+/// The user's own kernel is a trivially copyable function object; rho must be monotone, 0 at 0:
 ///
 ///     struct my_kernel { TURBOMAP_HD void operator()(double chi2, double& rho, double& weight) const; };
 

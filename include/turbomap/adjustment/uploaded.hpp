@@ -83,18 +83,6 @@ class uploaded {
 namespace detail {
 
 template <class T, class Policy>
-T* on_host(host_memory, context<Policy>&, T* data, std::size_t, std::vector<T>&) {
-  return data;
-}
-template <class Memory, class T, class Policy>
-T* on_host(Memory, context<Policy>& ctx, T* data, std::size_t n, std::vector<T>& buffer) {
-  buffer.resize(n);
-  copy_out(ctx.policy(), buffer.data(), data, n * sizeof(T));
-  ctx.synchronize();
-  return buffer.data();
-}
-
-template <class T, class Policy>
 const T* resident(host_memory, context<Policy>&, span<const T> view) {
   return view.data();
 }
@@ -110,7 +98,9 @@ const T* resident(Memory, context<Policy>& ctx, span<const T> view) {
 /// `n` elements of the policy's memory for the host to read and write: in place, or copied into `buffer`. Waits.
 template <class T, class Policy>
 T* on_host(context<Policy>& ctx, T* data, std::size_t n, std::vector<T>& buffer) {
-  return detail::on_host(memory_of_t<Policy>{}, ctx, data, n, buffer);
+  T* host = const_cast<T*>(ctx.on_host(data, n, buffer));  // data itself, or in the buffer
+  ctx.synchronize();
+  return host;
 }
 
 /// A view of the caller's for the policy to read: in place, or copied into scratch memory of this call. Empty: null.
