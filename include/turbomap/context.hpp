@@ -18,8 +18,8 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// A bump allocator: pieces are taken one behind the other and given back all at once. After the first calls it owns one
-/// block that is large enough, and allocates no more.
+/// Bump allocator: memory is taken piece after piece and given back all at once. After the first calls it owns one block
+/// that is large enough, and allocates no more.
 template <class Memory>
 class scratch_arena {
  public:

@@ -31,15 +31,14 @@
 
 namespace turbomap {
 
-/// As the adjustment of a local_mapper: none is compiled in. The stage then runs where a hook adjusts, else it is off.
+/// The adjustment of a local_mapper that compiles no solver. The stage then runs only if there is a hook `adjust`.
 struct no_adjustment {};
 
 }  // namespace turbomap
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// What a local_mapper adjusts with where nothing else is named: local_adjustment, if the traits of the map can write poses and
-/// positions.
+/// What a local_mapper adjusts with by default: local_adjustment, if the traits of the map can write poses and positions.
 template <class Map, class Policy>
 using default_adjustment =
     std::conditional_t<detail::map_has_v<Map, detail::map_adjust_member>, local_adjustment<Map, Policy>, no_adjustment>;

@@ -34,7 +34,7 @@ inline constexpr bool is_host_accessible_v<device_memory> = false;
 TURBOMAP_BEGIN_NAMESPACE
 
 /// \name The memory a policy computes in
-/// Host memory unless a more special overload (cuda/memory.cuh) says otherwise.
+/// Host memory, unless a more specialised overload (cuda/memory.cuh) says otherwise.
 /// @{
 template <class Derived>
 host_memory memory_of(const thrust::execution_policy<Derived>&);

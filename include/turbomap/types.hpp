@@ -3,8 +3,9 @@
 #pragma once
 
 /// \file
-/// The plain data that every part of the library speaks: small vectors, rigid transforms, keypoints, the scale pyramid.
-/// No Eigen member anywhere: these structs cross files, compilers and the bus, so their layout must not depend on flags.
+/// The plain data that every part of the library uses: small vectors, rigid transforms, keypoints, the scale pyramid.
+/// There is no Eigen member: these structs are shared by files of several compilers and copied to devices, so their layout
+/// must not depend on flags.
 
 #include <cstdint>
 #include <type_traits>
@@ -43,7 +44,7 @@ struct mat23 {
 
 /// A rigid transform as quaternion and translation: `T_ab` maps x_b to x_a = R(q) x_b + t. A keyframe's pose is `T_cw`
 /// (world to camera, or to the body of a rig). The quaternion is used as stored, by the usual formula for unit ones;
-/// nothing normalises it behind the user's back.
+/// nothing normalises it.
 template <class T>
 struct rigid_transform {
   T qx = 0, qy = 0, qz = 0, qw = 1;

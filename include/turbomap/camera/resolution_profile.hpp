@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// How many pixels a camera spends on a radian, by angle from the optical axis: turns a tolerance in pixels into one in
-/// angle, for the windows of an epipolar-ordered search on curved images.
+/// Pixels per radian of a camera, by angle from the optical axis. Turns a tolerance in pixels into one in angle, for the
+/// windows of an epipolar-ordered search on curved images.
 
 #include "../config.hpp"
 
@@ -12,7 +12,7 @@ namespace turbomap {
 
 /// Lower bounds of |pixel difference| / angle between rays, per interval of the cosine of the angle to the optical axis:
 /// entry i holds for cosines in [1 - (i + 1) / 16, 1 - i / 16] and for everything within `margin` pixels of them. All 0:
-/// unknown, every window is then the whole image.
+/// unknown; every window is then the whole image.
 struct resolution_profile {
   static constexpr int entries = 32;
   static constexpr double margin = 16;  ///< px

@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// Vectors and poses from and to Eigen, by value: Eigen's types stay out of everything that crosses a file or the bus.
+/// Vectors and poses from and to Eigen, by value. The library's own structs have no Eigen members.
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>

@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// Trajectories in the TUM format (a line a pose: `t x y z qx qy qz qw`, seconds, body in world), read and written with
+/// Trajectories in the TUM format (one line per pose: `t x y z qx qy qz qw`, seconds, body in world), read and written with
 /// exact nanoseconds.
 
 #include <charconv>

@@ -8,7 +8,7 @@
 /// - a slot holds a live point that lists this keypoint, or nothing; an observation is of a live keyframe whose slot agrees;
 /// - no point is observed twice by one camera of a keyframe;
 /// - counts by octave equal recount().
-/// The caller holds the map's guard. Points are alive and keyframes too, where nothing else is said.
+/// The caller holds the map's guard. Points and keyframes are alive unless a comment says otherwise.
 
 #include <cstddef>
 #include <cstdint>
@@ -74,8 +74,9 @@ bool observe(Map& map, typename map_traits<Map>::point point, typename map_trait
   return true;
 }
 
-/// The keypoint sees its point no longer; the point stays, even without observations (see fade()). Its reference keyframe,
-/// when it loses its last view there, becomes the observer of lowest id. Returns the point, point{} for an empty slot.
+/// Removes an observation: the keypoint no longer sees its point. The point stays, even without observations (see fade()).
+/// If it loses its last view in its reference keyframe, the observer of lowest id becomes its reference. Returns the
+/// point, point{} for an empty slot.
 template <class Map>
 typename map_traits<Map>::point forget(Map& map, typename map_traits<Map>::keyframe keyframe, std::size_t keypoint) {
   using traits = map_traits<Map>;
@@ -119,8 +120,7 @@ void erase_point(Map& map, typename map_traits<Map>::point point, typename map_t
   traits::retire(map, point, replacement);
 }
 
-/// Forgets, and erases the point when it keeps `fewest` measurements or less (2: a point dies then, [ORB-SLAM3]). True if
-/// it died.
+/// forget(), then erases the point when it has `fewest` measurements or less (2, as [ORB-SLAM3]). True if it was erased.
 template <class Map>
 bool fade(Map& map, typename map_traits<Map>::keyframe keyframe, std::size_t keypoint, int fewest = 2) {
   const auto point = forget(map, keyframe, keypoint);
@@ -147,7 +147,7 @@ bool move_observation(Map& map, typename map_traits<Map>::keyframe keyframe, std
   return true;
 }
 
-/// Whether a camera sees the two points at two keypoints at once: then they are two. O(views of one x views of the other).
+/// Whether one image shows the two points at two keypoints, so that they are two. O(views of one x views of the other).
 template <class Map>
 bool seen_apart(const Map& map, typename map_traits<Map>::point a, typename map_traits<Map>::point b) {
   using traits = map_traits<Map>;
@@ -204,8 +204,8 @@ bool merge_points(Map& map, typename map_traits<Map>::point from, typename map_t
   return true;
 }
 
-/// Takes a keyframe out of the map: it forgets all its points, of which those with `fewest` measurements or less die. The
-/// points that live on and lost a view are appended to `touched`, when given.
+/// Takes a keyframe out of the map: all its observations are removed, and points with `fewest` measurements or less are
+/// erased. The points that live on and lost a view are appended to `touched`, when given.
 template <class Map>
 void erase_keyframe(Map& map, typename map_traits<Map>::keyframe keyframe, int fewest = 2,
                     std::vector<typename map_traits<Map>::point>* touched = nullptr) {

@@ -5,7 +5,7 @@
 /// \file
 /// How often a point is observed: by octave (which makes redundancy a short sum, [TurboMap §IV-F]) and in all. A keyframe
 /// counts once in the octaves, at the finest at which any camera of its rig sees the point. map_edit.hpp keeps the counts
-/// with every observation added, moved or erased; recount() says from nothing what they must be.
+/// with every observation added, moved or erased; recount() computes them from the observations alone.
 
 #include <cstddef>
 #include <cstdint>

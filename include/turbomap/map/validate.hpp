@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// Whether a map is what map_edit.hpp promises. validate(map) looks at all of it and lists what is wrong; commits look at
+/// Whether a map keeps the invariants of map_edit.hpp. validate(map) looks at all of it and lists what is wrong; commits look at
 /// what they are about to touch, and refuse.
 
 #include <cstddef>
@@ -78,7 +78,7 @@ TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
-/// Calls report(violation) for each observation of a live point that its keyframe does not bear out. True if keyframes,
+/// Calls report(violation) for each observation of a live point that its keyframe contradicts. True if keyframes,
 /// keypoints and octaves may be read. O(views).
 template <class Map, class Report>
 bool check_observations(const Map& map, typename map_traits<Map>::point point, Report report) {
@@ -174,7 +174,7 @@ std::vector<map_violation> validate(const Map& map) {
   return faults;
 }
 
-/// Throws inconsistent_map when an observation of the point is one that its keyframe does not bear out. O(views).
+/// Throws inconsistent_map when a keyframe contradicts an observation of the point. O(views).
 template <class Map>
 void require_consistent(const Map& map, typename map_traits<Map>::point point) {
   detail::check_observations(map, point, [](const map_violation& v) { throw inconsistent_map(v); });

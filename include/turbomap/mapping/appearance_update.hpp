@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// The stage that brings descriptor, normal and distance range of map points up to date with their observations. Which
-/// points are due is the caller's to know: whoever adds, moves or takes away an observation, or moves a point.
+/// The stage that brings the appearance of map points (descriptor, normal, distance range) up to date with their
+/// observations. The caller knows which points are due: those that moved, and those whose observations changed.
 
 #include <algorithm>
 #include <cstddef>

@@ -15,7 +15,7 @@
 
 namespace turbomap {
 
-/// From the ids of keyframe traits or map traits to handles. Not synchronised.
+/// From the ids of map traits to handles. Not synchronised.
 class handle_table {
  public:
   /// Throws std::invalid_argument when the id has a handle already; std::bad_alloc. Unchanged in both cases.

@@ -30,7 +30,7 @@ class keyframe_selection {
     T_cw_.clear(), handles_.clear();
   }
   /// The number of a keyframe in this selection; it is taken in if it is new. id_table::none when it is not in the store:
-  /// whoever inserts it later did not want it searched yet. The caller holds the guard. Throws std::bad_alloc.
+  /// it is not to be searched yet. The caller holds the guard. Throws std::bad_alloc.
   std::size_t place(const Map& map, keyframe k, const handle_table& stored) {
     const std::uint64_t id = traits::id(map, k);
     const std::size_t known = numbers_.find(map, k);

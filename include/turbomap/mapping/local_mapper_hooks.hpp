@@ -13,22 +13,22 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// What local mapping asks and tells the rest of the system. All optional; called on the mapper's thread, without the map's
-/// guard where nothing else is said.
+/// What local mapping asks and tells the rest of the system. All hooks are optional. They are called on the mapper's thread,
+/// and without the map's guard unless a comment says otherwise.
 template <class Map>
 struct local_mapper_hooks {
   using keyframe = typename map_traits<Map>::keyframe;
 
   /// More keyframes wait: fusion, adjustment and keyframe culling are skipped for this one. Asked before each of them.
   std::function<bool()> keyframes_wait;
-  /// Another thread (loop closing) wants the map alone: asked before each stage; what is left of the iteration is skipped.
+  /// Another thread (loop closing) wants the map to itself: asked before each stage; the rest of the iteration is skipped.
   std::function<bool()> stop;
   /// Adjusts poses and points around the keyframe, with write-back, in place of the mapper's own stage: for another solver.
   /// \param time_left_ms  infinite: no deadline
   std::function<void(Map&, keyframe, double time_left_ms)> adjust;
-  /// A keyframe is about to be erased as redundant, the map's guard is held: e.g. to keep its pose relative to a parent.
+  /// A keyframe is about to be erased as redundant, under the map's guard: e.g. to keep its pose relative to a parent.
   std::function<void(keyframe)> erasing;
-  /// A stage came to its end.
+  /// A stage has ended.
   std::function<void(mapping_stage, const mapping_report&)> stage_done;
 };
 

@@ -17,7 +17,7 @@
 
 namespace turbomap {
 
-/// Options of local_mapper. As they come: stereo without an inertial unit, [ORB-SLAM3]'s values.
+/// Options of local_mapper. Defaults: stereo without an inertial unit, the values of [ORB-SLAM3].
 struct local_mapper_options {
   per_stage<bool> enabled{{true, true, true, true, true, true, true}};  ///< for ablation
   double deadline_ms = 0;  ///< per keyframe; work that is expected to overrun is cut at a safe point. 0: none

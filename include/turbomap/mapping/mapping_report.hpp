@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// What local mapping does with a keyframe, stage by stage: names, switches, times, and what came of it. Plain data.
+/// What local mapping does with a keyframe, stage by stage: names, switches, times, and results. Plain data.
 
 #include <array>
 #include <cstddef>

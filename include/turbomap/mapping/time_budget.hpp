@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// The time that a keyframe may take: asked before each piece of work whether it will fit, by what such pieces took before.
+/// The time per keyframe. Before each piece of work it is asked whether the piece will fit, by what such pieces took before.
 
 #include <array>
 #include <chrono>

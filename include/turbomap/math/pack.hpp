@@ -15,8 +15,7 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Asks for a piece of memory that is read soon: lists lead to it, which no processor foresees. Never wrong, only
-/// useless.
+/// Prefetches memory that is read soon. Its address comes from a list, so the processor cannot predict it.
 TURBOMAP_HD inline void prefetch(const void* at, int bytes) {
 #if TURBOMAP_VECTOR_BYTES > 0
   for (int i = 0; i < bytes; i += 64) __builtin_prefetch(static_cast<const char*>(at) + i);

@@ -3,15 +3,14 @@
 #pragma once
 
 /// \file
-/// Functions of packs that no processor computes.
+/// Functions of packs that processors have no instruction for.
 
 #include "pack.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
 /// The angle of (z, r) from the z axis, in [0, pi], for r >= 0: atan2(r, z). Within 3 units in the last place. NaN
-/// where both
-/// are 0.
+/// where both are 0.
 template <class T, int N>
 TURBOMAP_HD pack<T, N> polar_angle(const pack<T, N>& r, const pack<T, N>& z) {
   using P = pack<T, N>;

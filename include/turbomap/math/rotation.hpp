@@ -53,8 +53,7 @@ struct rotation_coefficients {
 };
 
 /// exp(omega, v) T: the exponential of the rigid motions, its rotation vector first, applied on the left. The
-/// quaternion of
-/// the result is of unit length.
+/// quaternion of the result is of unit length.
 /// \param step  omega (rad) x y z, v (m) x y z
 template <class S>
 TURBOMAP_HD rigid_transform<S> left_exp(const S* step, const rigid_transform<double>& T) {

@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// The resolution of cameras that come unmeasured, remembered: keyframe after keyframe has the same rig.
+/// Remembers the measured resolution of cameras, since all keyframes of a system have the same rig.
 
 #include <cmath>
 #include <cstddef>

@@ -24,8 +24,8 @@ struct pin_record {
   fence<Memory> done;
 };
 
-/// A record goes round: idle() -> hold() -> give_up() -> finished. Used again, so that pinning allocates nothing in the
-/// steady state. Not thread safe.
+/// Life of a record: idle() -> hold() -> give_up() -> finished, and again, so that pinning allocates nothing in the steady
+/// state. Not thread safe.
 template <class Descriptor, class Camera, class Memory>
 class pin_records {
  public:

@@ -17,9 +17,9 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// A slot goes round: acquire() -> publish() -> retire() -> recycle(). Its handle is alive between publish() and
-/// retire(). The generation rises at retire(); a slot whose generations are used up is never used again, so no handle
-/// ever comes back to life. All O(1). Not thread safe.
+/// Life of a slot: acquire() -> publish() -> retire() -> recycle(), and again. Its handle is valid between publish() and
+/// retire(). The generation rises at retire(). A slot whose generations are used up is never used again, so a stale handle
+/// never becomes valid. All O(1). Not thread safe.
 class slot_table {
  public:
   /// \param last_generation  after which a slot is given up (a test uses a small one)
