@@ -84,8 +84,9 @@ void launch_drop_compared(const thrust::execution_policy<Derived>& policy,
                           const search_view<Descriptor, Camera>& search, scratch_arena<Memory>& scratch,
                           const Filter& filter) {
   if (!windows_pay(search)) return launch_drop_matches(derived(policy), search, filter);
-  const filter_windows<Descriptor, Camera, Side> windows(
-      launch_build_tables<Side>(derived(policy), search, scratch, false));
+  const auto tables = take_tables<Side>(scratch, search, false);
+  launch_build_tables(derived(policy), tables);
+  const filter_windows<Descriptor, Camera, Side> windows(tables);
   for_each_index(derived(policy), search.neighbour_count * search.slot_count,
                  detail::drop_matches_in_windows<Descriptor, Camera, Filter, Side>{search, filter, windows});
 }

@@ -76,7 +76,8 @@ template <class Derived, class Descriptor, class Camera, class Memory>
 void launch_search_ordered(const thrust::execution_policy<Derived>& policy,
                            const search_view<Descriptor, Camera>& search, scratch_arena<Memory>& scratch) {
   using body = ordered_search<Descriptor, Camera>;
-  const auto tables = launch_build_tables<sorted_side::candidates>(derived(policy), search, scratch, true);
+  const auto tables = take_tables<sorted_side::candidates>(scratch, search, true);
+  launch_build_tables(derived(policy), tables);
   const int chunks = (search.slot_count + body::chunk_size - 1) / body::chunk_size;
   for_each_index(derived(policy), search.neighbour_count * chunks, body{tables, chunks});
 }

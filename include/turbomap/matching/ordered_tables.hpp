@@ -126,11 +126,11 @@ struct build_ordered_table {
   }
 };
 
-/// Makes the tables of all pairs, in scratch memory. O(keypoints x cameras).
-template <sorted_side Side, class Derived, class Descriptor, class Camera, class Memory>
-ordered_tables<Descriptor, Camera, Side> launch_build_tables(const thrust::execution_policy<Derived>& policy,
-                                                             const search_view<Descriptor, Camera>& search,
-                                                             scratch_arena<Memory>& scratch, bool with_descriptors) {
+/// Memory for the tables of all pairs, valid as long as the scratch is.
+template <sorted_side Side, class Descriptor, class Camera, class Memory>
+ordered_tables<Descriptor, Camera, Side> take_tables(scratch_arena<Memory>& scratch,
+                                                     const search_view<Descriptor, Camera>& search,
+                                                     bool with_descriptors) {
   const auto cameras = static_cast<std::size_t>(search.query_cameras * search.neighbour_cameras);
   const auto neighbours = static_cast<std::size_t>(search.neighbour_count), tables = neighbours * cameras;
   const std::size_t entries = cameras * (Side == sorted_side::candidates
@@ -146,8 +146,16 @@ ordered_tables<Descriptor, Camera, Side> launch_build_tables(const thrust::execu
   result.keys = scratch.template take<std::int32_t>(entries);
   if (with_descriptors)
     result.descriptors = scratch.template take<typename Descriptor::element>(entries * Descriptor::elements);
-  for_each_index(derived(policy), static_cast<int>(tables), build_ordered_table<Descriptor, Camera, Side>{result});
   return result;
+}
+
+/// Sorts the keypoints of all pairs. O(keypoints x cameras).
+template <class Derived, class Descriptor, class Camera, sorted_side Side>
+void launch_build_tables(const thrust::execution_policy<Derived>& policy,
+                         const ordered_tables<Descriptor, Camera, Side>& tables) {
+  const auto& search = tables.search;
+  for_each_index(derived(policy), search.neighbour_count * search.query_cameras * search.neighbour_cameras,
+                 build_ordered_table<Descriptor, Camera, Side>{tables});
 }
 
 TURBOMAP_END_NAMESPACE
