@@ -75,7 +75,7 @@ class Queue {
   bool closed_ = false;
 };
 
-/// Tracking: finds the points of the last keyframes in the image of now, counts which it finds, and makes a keyframe of
+/// Tracking: finds the points of the last keyframes in the current image, counts which it finds, and makes a keyframe of
 /// every image that is 0.3 m further on.
 class Tracking {
  public:
@@ -151,7 +151,7 @@ class Tracking {
     return p;
   }
 
-  /// A keyframe enters the map, under the map's lock: a few assignments a point.
+  /// A keyframe enters the map, under the map's lock: a few assignments per point.
   void insert_keyframe(const example::wall_view& view, const std::vector<my::MapPoint*>& seen) {
     std::vector<my::Feature> features;
     for (std::size_t i = 0; i < view.keypoints.size(); ++i) {
@@ -174,7 +174,7 @@ class Tracking {
         if (last_.empty()) {  // the first keyframe makes points by stereo
           handover.created.push_back(make_point(view, i, k));
         } else if (seen[i] != nullptr) {
-          // Since it was tracked, it may have been merged: observe what it became. Or dropped.
+          // It may have been merged since it was tracked: observe what it became. Or dropped.
           if (my::MapPoint* p = turbomap::resolve(map_, seen[i])) turbomap::observe(map_, p, &k, i);
         }
       }

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// Flat arrays that are there already go in as they are: no traits, no store, no copy. The arrays here are vectors; with a CUDA
+/// Flat arrays that exist already are used as they are: no traits, no store, no copy. The arrays here are vectors; with a CUDA
 /// policy they would be pointers into device memory (cv::cuda::GpuMat, torch, ...), and nothing else would change.
 
 #include <thrust/execution_policy.h>
@@ -25,7 +25,7 @@ using camera = turbomap::pinhole<float>;
 using view = turbomap::keyframe_view<descriptor, camera>;
 using posed = turbomap::posed_keyframe<descriptor, camera>;
 
-/// A keyframe as a front end that thinks in arrays keeps it.
+/// A keyframe as a front end with flat arrays keeps it.
 struct arrays {
   std::vector<turbomap::vec2<float>> pixels;
   std::vector<turbomap::vec3<float>> rays;  // unit, in the camera

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// Bundle adjustment of one's own types with residuals of one's own (drive_scene.hpp): a car with a camera, a satellite
+/// Bundle adjustment of the user's own types with residuals of their own (drive_scene.hpp): a car with a camera, a satellite
 /// receiver and wheels. Reprojections are the library's; the other two residuals are written here, without a derivative.
 
 #include <thrust/execution_policy.h>
@@ -45,7 +45,7 @@ struct wheel_factor {
   }
 };
 
-/// No frame is fixed: the receiver knows the world.
+/// No frame is fixed: the receiver measures positions in the world.
 turbomap::adjustment_summary adjust(my::Drive& drive) {
   std::vector<turbomap::rigid_transform<double>> T_cw;
   std::vector<turbomap::vec3<double>> points, pixels;

@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// The types of example 04, as a system of one's own has them, and a simulated drive: a car with a camera, a satellite
+/// The types of example 04, as a user's system has them, and a simulated drive: a car with a camera, a satellite
 /// receiver and wheels goes round a bend between houses.
 
 #include <cmath>

@@ -8,8 +8,8 @@
 ///
 /// Locks of this system. A *write* of what both threads use holds the lock of the map and the lock of the object, in
 /// this order; so a *read* may hold either. Tracking reads objects under their own locks and never waits for a commit;
-/// the traits read under the map's lock alone, their guard. The exception are the tracking counts of a point: under its
-/// own lock always. Nothing is deleted while the system runs: what has left the map is marked bad.
+/// the traits read under the map's lock alone, their guard. The exception are the tracking counts of a point: always
+/// under its own lock. Nothing is deleted while the system runs: what has left the map is marked bad.
 
 #include <algorithm>
 #include <array>
@@ -104,7 +104,7 @@ struct turbomap::keyframe_traits<my::KeyFrame> {
     return k.features[i].descriptor.data();
   }
   static turbomap::image_bounds bounds(const my::KeyFrame&) { return {0, 0, 640, 480}; }
-  // No guard: nothing of this changes.
+  // No guard: what is read here never changes.
 };
 
 // ---- How to read and change the map: docs/map.md. ------------------------------------------------------------------
