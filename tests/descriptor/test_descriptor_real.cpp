@@ -52,8 +52,9 @@ float random_element<float>(std::mt19937& random) {
   return v;
 }
 template <>
-half random_element<half>(std::mt19937& random) {
-  return half{static_cast<std::uint16_t>((random() & 0x8000u) | (random() % 0x4400u))};  // up to 4, subnormals too
+turbomap::half random_element<turbomap::half>(std::mt19937& random) {
+  return turbomap::half{
+      static_cast<std::uint16_t>((random() & 0x8000u) | (random() % 0x4400u))};  // up to 4, subnormals too
 }
 
 template <class D>
@@ -83,7 +84,7 @@ void check_order() {
 TEST_CASE("half to float: all 65536") {
   int wrong = 0, special = 0;
   for (int i = 0; i < 65536; ++i) {
-    const half h{static_cast<std::uint16_t>(i)};
+    const turbomap::half h{static_cast<std::uint16_t>(i)};
     const std::uint32_t bits = float_bits(to_float(h));
     const std::uint32_t sign = (i & 0x8000) != 0 ? 0x80000000u : 0u;
     if (((i >> 10) & 31) == 31) {
@@ -95,8 +96,8 @@ TEST_CASE("half to float: all 65536") {
   }
   CHECK(wrong == 0);
   CHECK(special == 2048);
-  CHECK(to_float(half{0x3C00}) == 1);
-  CHECK(to_float(half{0xC000}) == -2);
+  CHECK(to_float(turbomap::half{0x3C00}) == 1);
+  CHECK(to_float(turbomap::half{0xC000}) == -2);
 }
 
 TEST_CASE("float: the documented order, to the bit") {
@@ -111,9 +112,9 @@ TEST_CASE("float: the documented order, to the bit") {
 }
 
 TEST_CASE("half: the documented order, to the bit") {
-  check_order<real_descriptor<half, 61>>();
-  check_order<real_descriptor<half, 64>>();
-  check_order<real_descriptor<half, 128>>();
+  check_order<real_descriptor<turbomap::half, 61>>();
+  check_order<real_descriptor<turbomap::half, 64>>();
+  check_order<real_descriptor<turbomap::half, 128>>();
 }
 
 TEST_CASE("8-bit: exact") {
