@@ -76,9 +76,9 @@ if(TURBOMAP_NATIVE_ARCH)
     "$<${turbomap_is_cxx}:-march=native>" "$<${turbomap_is_nvcc}:-Xcompiler=-march=native>")
   if(CMAKE_CXX_COMPILER_ID STREQUAL GNU AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
     # g++ 12 warns of its own AVX-512 intrinsics (GCC bug 105593) wherever Eigen inlines them. The builds for any processor
-    # keep both warnings.
+    # keep these warnings.
     target_compile_options(turbomap_developer INTERFACE
-      "$<${turbomap_is_cxx}:-Wno-maybe-uninitialized;-Wno-array-bounds>")
+      "$<${turbomap_is_cxx}:-Wno-uninitialized;-Wno-maybe-uninitialized;-Wno-array-bounds>")
   endif()
 endif()
 if(TURBOMAP_SANITIZE)
