@@ -182,8 +182,8 @@ class basic_bundle_problem {
 
 /// A problem that is computed under a policy. Problems of all host policies are one type.
 ///
-///     turbomap::bundle_problem<Policy, turbomap::pose_frame, turbomap::reprojections<turbomap::pinhole<double>>>
-///         problem(ctx);
+///     using rows = turbomap::reprojections<turbomap::pinhole<double>>;
+///     turbomap::bundle_problem<Policy, turbomap::pose_frame, rows> problem(ctx);
 ///     problem.assign(ctx, {poses, fixed}, {points}, observations);
 ///     const auto summary = turbomap::adjust(ctx, problem, options);
 ///     problem.frames(ctx, poses), problem.landmarks(ctx, points);

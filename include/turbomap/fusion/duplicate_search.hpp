@@ -24,8 +24,8 @@ TURBOMAP_BEGIN_NAMESPACE
 /// [min_range_factor min_distance, max_range_factor max_distance]; viewing ray . normal >= min_view_cosine x distance;
 /// octave predicted as the least k with max_distance / distance <= s^k, clamped; keypoints with |du|, |dv| < radius s^k
 /// and octave k - 1 or k; error^2 / sigma2 <= mono_chi2, or stereo_chi2 with u_right (rectilinear cameras with bf).
-/// Ties: first by cell column, cell row, keypoint; without a cell index by keypoint. It reads a snapshot and changes
-/// nothing: a commit has to look again. Equal on every policy.
+/// Ties: first by cell column, cell row, keypoint; without a cell index by keypoint. Equal on every policy. The search
+/// changes nothing; the commit has to look at the map again.
 ///
 /// \param ctx      the execution context; a bare policy works too, see below
 /// \param points   in host memory; a host policy reads them in place, they must stay until it returns. Points with
@@ -33,10 +33,9 @@ TURBOMAP_BEGIN_NAMESPACE
 /// \param targets  any number, also none; views in the memory of the policy. The keyframes must stay where they are
 ///                 until the last use of the result. Rigs of any number of cameras
 /// \param options  thresholds
-/// \param result   of this context; overwritten, its memory reused. Under CUDA the search may still be running on
-///                 return
-/// \throws std::invalid_argument  with argument and value: a pose targets[i].T_cw that is not finite, sizes that do not fit...;
-///                                `result` is then as it was
+/// \param result   of this context; overwritten, its memory reused. Under CUDA the search may still run on return
+/// \throws std::invalid_argument  with argument and value: a pose targets[i].T_cw that is not finite, sizes that do not
+///                                fit...; `result` is then as it was
 /// \throws std::bad_alloc  there is no memory left; `result` then holds no matches
 /// Cost: O(points x cameras of all targets), a few operations for most; O(keypoints in the window) for those in view.
 template <class Descriptor, class Camera, class Policy>

@@ -13,8 +13,8 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Octaves are bytes: a table has a row for every one, whatever the pyramid's levels.
 inline constexpr int scale_table_size = 256;
 
-/// scale[o] = scale_factor^o and, if not null, sigma2[o] = scale_factor^(2 o) px^2, scale_table_size of each. In float and level by
-/// level, as [ORB-SLAM3] does: the tables decide, so they must be the recorded ones.
+/// scale[o] = scale_factor^o and, if not null, sigma2[o] = scale_factor^(2 o) px^2, scale_table_size of each. Computed in
+/// float and level by level, as [ORB-SLAM3] does: the tables decide, so they must be the recorded ones.
 inline void fill_scales(const pyramid& p, float* scale, float* sigma2) {
   float s = 1;
   for (int o = 0; o < scale_table_size; ++o) {
