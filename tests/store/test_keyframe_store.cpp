@@ -99,18 +99,21 @@ TEST_CASE("pinning and releasing again allocates nothing on the policy's side") 
 TEST_CASE("generations: a slot whose generations are used up is never used again") {
   turbomap::slot_table table(3);
   const auto slot = table.acquire();
-  handles old;
   for (std::uint32_t g = 1; g <= 3; ++g) {
     if (g > 1) CHECK(table.acquire() == slot);
-    old.push_back(table.publish(slot));
-    CHECK(old.back().generation == g);
-    CHECK(table.alive(old.back()));
+    CHECK(table.generation(slot) == g);
+    CHECK_FALSE(table.alive(slot, g));  // not before it is published
+    table.publish(slot);
+    CHECK(table.alive(slot, g));
+    CHECK(table.alive_count() == 1);
     table.retire(slot);
-    CHECK_FALSE(table.alive(old.back()));
+    CHECK_FALSE(table.alive(slot, g));
+    CHECK(table.known(slot, g));
     table.recycle(slot);
+    CHECK(table.alive_count() == 0);
   }
   CHECK(table.acquire() != slot);
-  for (const auto handle : old) CHECK_FALSE(table.alive(handle));
+  for (std::uint32_t g = 0; g <= 3; ++g) CHECK_FALSE(table.alive(slot, g));
 }
 
 }  // namespace

@@ -18,7 +18,7 @@
 #include "../map/map_edit.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/validate.hpp"
-#include "../math/functions.hpp"
+#include "../store/argument_checks.hpp"
 #include "adjustment_window.hpp"
 #include "local_adjustment_options.hpp"
 #include "stage.hpp"
@@ -38,6 +38,8 @@ class local_adjustment {
   using camera = typename traits::camera;
   using scope = mapping_scope<Map, Policy>;
 
+  /// One for the scope's map and context: `local_adjustment adjust(scope);`.
+  explicit local_adjustment(const scope& s) : local_adjustment(s.ctx) {}
   explicit local_adjustment(context<Policy>& ctx) : measurements_(ctx), problem_(ctx) {
     static_assert(detail::map_has_v<Map, detail::map_adjust_member>,
                   "turbomap: local_adjustment needs map_traits with set_pose and set_position; see docs/map.md");
@@ -136,11 +138,9 @@ class local_adjustment {
     return a.qx == b.qx && a.qy == b.qy && a.qz == b.qz && a.qw == b.qw && a.tx == b.tx && a.ty == b.ty && a.tz == b.tz;
   }
   static void check(const local_adjustment_options& o) {
-    const auto positive = [](double x) { return detail::is_finite(x) && x > 0; };
-    require(o.scales.scale_factor >= 1 && detail::is_finite(o.scales.scale_factor), "options.scales.scale_factor",
-            o.scales.scale_factor, "must be finite and at least 1");
-    require(positive(o.mono_chi2), "options.mono_chi2", o.mono_chi2, "must be finite and positive");
-    require(positive(o.stereo_chi2), "options.stereo_chi2", o.stereo_chi2, "must be finite and positive");
+    check_scales(o.scales);
+    check_positive("options.mono_chi2", o.mono_chi2);
+    check_positive("options.stereo_chi2", o.stereo_chi2);
     require_correlation(o.stereo_correlation, "options.stereo_correlation");
     require(o.fewest_measurements >= 0, "options.fewest_measurements", o.fewest_measurements, "must not be negative");
   }
@@ -176,5 +176,8 @@ class local_adjustment {
   std::vector<std::size_t> outliers_;          ///< rows
   std::vector<point> lost_views_;
 };
+
+template <class Map, class Policy>
+local_adjustment(const mapping_scope<Map, Policy>&) -> local_adjustment<Map, Policy>;
 
 TURBOMAP_END_NAMESPACE

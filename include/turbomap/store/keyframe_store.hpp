@@ -17,6 +17,7 @@
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../memory.hpp"
+#include "../slot_table.hpp"
 #include "../span.hpp"
 #include "../traits.hpp"
 #include "block_cache.hpp"
@@ -29,7 +30,6 @@
 #include "memory_space.hpp"
 #include "pin_records.hpp"
 #include "pinned_keyframes.hpp"
-#include "slot_table.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -81,7 +81,7 @@ class keyframe_store {
   void erase(keyframe_handle handle) {
     const std::lock_guard<std::mutex> lock(mutex_);
     poll();
-    slots_.require_alive(handle, "handle");
+    require_alive(handle, "handle");
     slots_.retire(handle.slot);
     if (!blocks_.pinned(handle.slot)) reclaim(handle.slot);
   }
@@ -104,7 +104,7 @@ class keyframe_store {
 
   bool contains(keyframe_handle handle) const {
     const std::lock_guard<std::mutex> lock(mutex_);
-    return slots_.alive(handle);
+    return alive(handle);
   }
   /// Keyframes that have not been erased.
   std::size_t size() const {
@@ -161,7 +161,8 @@ class keyframe_store {
       const std::lock_guard<std::mutex> lock(store_.mutex_);
       published_ = true;
       ++store_.uploads_;
-      const keyframe_handle handle = store_.slots_.publish(slot_);
+      store_.slots_.publish(slot_);
+      const keyframe_handle handle{slot_, store_.slots_.generation(slot_)};
       store_.unpin(slot_);
       return handle;
     }
@@ -188,7 +189,7 @@ class keyframe_store {
     const std::lock_guard<std::mutex> lock(mutex_);
     poll();
     for (std::size_t i = 0; i < handles.size(); ++i)
-      if (!slots_.alive(handles[i])) slots_.require_alive(handles[i], ("handles[" + std::to_string(i) + "]").c_str());
+      if (!alive(handles[i])) require_alive(handles[i], ("handles[" + std::to_string(i) + "]").c_str());
     const record_iterator record = pins_.idle(handles.size());
     for (std::size_t i = 0; i < handles.size(); ++i) record->slots[i] = handles[i].slot;
     waiting_for_room([&] { blocks_.pin(record->slots); });
@@ -207,6 +208,15 @@ class keyframe_store {
   }
 
   // What follows is called under the lock.
+
+  bool alive(keyframe_handle handle) const { return slots_.alive(handle.slot, handle.generation); }
+  /// Throws stale_handle naming the argument, slot and generation.
+  void require_alive(keyframe_handle handle, const char* argument) const {
+    if (alive(handle)) return;
+    throw stale_handle(std::string("turbomap: ") + argument + " = {slot " + std::to_string(handle.slot) +
+                       ", generation " + std::to_string(handle.generation) +
+                       "}: no such keyframe: it was erased, or is of another store");
+  }
 
   /// Calls `attempt`; while that finds no room, waits for the oldest work that still holds keyframes, and tries again.
   template <class Attempt>

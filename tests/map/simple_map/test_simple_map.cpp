@@ -92,7 +92,8 @@ TEST_CASE("bad input is refused, and changes nothing") {
   const auto before = everything(map);
   CHECK_THROWS_WITH_AS(map.add_keyframe(bad, {}),
                        "turbomap: keypoints[].octave = 3: is not a level of the map's pyramid", std::invalid_argument);
-  for (const map_keyframe_id unknown : {map_keyframe_id{}, map_keyframe_id{1, 0}, map_keyframe_id{0, 1}}) {
+  for (const map_keyframe_id unknown :
+       {map_keyframe_id{}, map_keyframe_id{k.index + 1, k.generation}, map_keyframe_id{k.index, k.generation + 1}}) {
     CHECK_FALSE(map.alive(unknown));
     CHECK_THROWS_AS(map.T_cw(unknown), std::invalid_argument);
     CHECK_THROWS_AS(map.set_pose(unknown, {}), std::invalid_argument);

@@ -3,14 +3,14 @@
 #pragma once
 
 /// \file
-/// The names of keyframes and points of a simple_map: indices with a generation, and the places that they index.
+/// The names of keyframes and points of a simple_map: indices with a generation.
 
 #include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <vector>
 
 #include "../../error.hpp"
+#include "../../slot_table.hpp"
 
 namespace turbomap {
 
@@ -25,53 +25,34 @@ struct map_id {
   friend bool operator!=(map_id a, map_id b) { return !(a == b); }
 };
 
-/// Places of an array: taken, given back, taken again under another generation.
+/// A slot_table by the signed indices of a map.
 class place_list {
  public:
   std::int32_t take() {
-    if (!free_.empty()) {
-      const std::int32_t number = free_.back();
-      free_.pop_back();
-      at(number).alive = true;
-      ++alive_count_;
-      return number;
-    }
-    require(places_.size() < static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max()), "size of the map",
-            places_.size(), "must be below 2^31");
-    if (free_.capacity() <= places_.size()) free_.reserve(2 * places_.size() + 1);  // giving back must not throw
-    places_.push_back({0, true});
-    ++alive_count_;
-    return static_cast<std::int32_t>(places_.size()) - 1;
+    require(size() < static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max()), "size of the map", size(),
+            "must be below 2^31");
+    const std::uint32_t slot = slots_.acquire();
+    slots_.publish(slot);
+    return static_cast<std::int32_t>(slot);
   }
   /// No longer alive, but named by its handles still: what was merged points to what it became.
-  void retire(std::int32_t number) {
-    alive_count_ -= alive(number) ? 1 : 0;
-    at(number).alive = false;
-  }
+  void retire(std::int32_t place) { slots_.retire(slot_of(place)); }
   /// Its handles are stale from now on.
-  void give_back(std::int32_t number) {
-    retire(number);
-    ++at(number).generation;
-    free_.push_back(number);
+  void give_back(std::int32_t place) {
+    slots_.retire(slot_of(place));
+    slots_.recycle(slot_of(place));
   }
-  bool known(std::int32_t number, std::uint32_t generation) const {
-    return number >= 0 && static_cast<std::size_t>(number) < places_.size() && this->generation(number) == generation;
+  bool known(std::int32_t place, std::uint32_t generation) const {
+    return place >= 0 && slots_.known(slot_of(place), generation);
   }
-  bool alive(std::int32_t number) const { return places_[static_cast<std::size_t>(number)].alive; }
-  std::uint32_t generation(std::int32_t number) const { return places_[static_cast<std::size_t>(number)].generation; }
-  std::size_t size() const { return places_.size(); }
-  std::size_t alive_count() const { return alive_count_; }
+  bool alive(std::int32_t place) const { return slots_.alive(slot_of(place)); }
+  std::uint32_t generation(std::int32_t place) const { return slots_.generation(slot_of(place)); }
+  std::size_t size() const { return slots_.slot_count(); }
+  std::size_t alive_count() const { return slots_.alive_count(); }
 
  private:
-  struct place {
-    std::uint32_t generation;
-    bool alive;
-  };
-  place& at(std::int32_t number) { return places_[static_cast<std::size_t>(number)]; }
-
-  std::vector<place> places_;
-  std::vector<std::int32_t> free_;
-  std::size_t alive_count_ = 0;
+  static std::uint32_t slot_of(std::int32_t place) { return static_cast<std::uint32_t>(place); }
+  slot_table slots_;
 };
 
 }  // namespace plain_detail
