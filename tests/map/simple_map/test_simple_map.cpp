@@ -103,7 +103,8 @@ TEST_CASE("bad input is refused, and changes nothing") {
     CHECK_THROWS_AS(map.add_keyframe(good, {}, 0, unknown), std::invalid_argument);
     CHECK_THROWS_AS(map.add_point({}, unknown), std::invalid_argument);
   }
-  for (const map_point_id unknown : {map_point_id{}, map_point_id{1, 0}, map_point_id{0, 1}}) {
+  for (const map_point_id unknown :
+       {map_point_id{}, map_point_id{p.index + 1, p.generation}, map_point_id{p.index, p.generation + 1}}) {
     CHECK_FALSE(map.alive(unknown));
     CHECK_THROWS_AS(map.position(unknown), std::invalid_argument);
     CHECK_THROWS_AS(map.observations(unknown), std::invalid_argument);
