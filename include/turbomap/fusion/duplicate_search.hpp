@@ -3,7 +3,9 @@
 #pragma once
 
 /// \file
-/// Map points looked for again in keyframes that may see them, in one call: what it finds are duplicates to fuse.
+/// Map points looked for again in keyframes that may see them, in one call. Each point is projected into a keyframe, and the
+/// most similar keypoint around the projection is taken for another view of it; where that keypoint has a map point already,
+/// the two are duplicates to fuse.
 
 #include <type_traits>
 

@@ -3,7 +3,8 @@
 #pragma once
 
 /// \file
-/// The filter of one-sided matches.
+/// The filter of one-sided matches. The best candidate of a query keypoint may itself resemble another query keypoint more:
+/// a match stays only if each of the two is the best for the other (cross-check).
 
 #include <cstdint>
 

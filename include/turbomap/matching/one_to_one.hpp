@@ -3,7 +3,8 @@
 #pragma once
 
 /// \file
-/// The filter of claims: a neighbour keypoint is matched once.
+/// The filter of claims: a neighbour keypoint is matched once. A search lets several query keypoints claim one keypoint; it
+/// can show one point of the scene only, so the most similar claim stays.
 
 #include <cstdint>
 #include <cstring>

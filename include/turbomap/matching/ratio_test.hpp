@@ -3,7 +3,8 @@
 #pragma once
 
 /// \file
-/// The filter of ambiguous matches.
+/// The filter of ambiguous matches. Where a second candidate looks almost as similar as the best one, as on repeated
+/// structure, there is no telling which one is right, so the match is dropped (Lowe's ratio test).
 
 #include <cstdint>
 

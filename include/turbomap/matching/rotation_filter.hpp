@@ -3,7 +3,8 @@
 #pragma once
 
 /// \file
-/// The filter of orientations: true matches of one pair of views turn alike.
+/// The filter of orientations. When a camera rolls, the orientation of all true matches changes by about the same angle:
+/// changes are counted in a histogram, and matches outside its fullest bins are dropped [ORB-SLAM3].
 
 #include <cstdint>
 

@@ -3,8 +3,9 @@
 #pragma once
 
 /// \file
-/// Linear triangulation of a point from two rays (the null vector of a 4x4 system, Hartley & Zisserman 12.2), without a
-/// matrix library: the same operations in the same order on host and device.
+/// Triangulation: the point in space that two rays of known cameras come closest to. Each ray gives two linear equations in
+/// the homogeneous point, and the null vector of the 4x4 system is the answer (Hartley & Zisserman 12.2). Without a matrix
+/// library: the same operations in the same order on host and device.
 
 #include <cmath>
 
