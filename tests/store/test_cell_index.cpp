@@ -6,6 +6,7 @@
 #include <turbomap/store/cell_index.hpp>
 
 #include <cmath>
+#include <initializer_list>
 #include <limits>
 
 namespace {
