@@ -47,10 +47,10 @@ bool invert_columns(context<Policy>& ctx, Solver solver, const adjustment_struct
 
 }  // namespace detail
 
-/// Joint covariance of some frames of a problem at its current estimate, all other frames and the landmarks
-/// marginalised: the inverse of J^T W J without damping, W with the weights of the robust kernels. Unknowns are those of
-/// Frame::retract (pose_frame: rotation, rad, then translation, m, on the left of T_cw: in the axes of the camera). It is true to
-/// scale where the information of the observations is.
+/// Joint covariance of some frames of a problem at its current estimate, all other frames and the landmarks marginalised:
+/// the inverse of J^T W J without damping, W with the weights of the robust kernels. Unknowns are those of Frame::retract
+/// (pose_frame: rotation, rad, then translation, m, on the left of T_cw: in the axes of the camera). It is true to scale
+/// where the information of the observations is.
 /// \param frames     places of frames in the input, in any order; a fixed one is known: its rows are 0
 /// \param result     row-major, square, Frame::dof rows for each of `frames`, symmetric up to rounding
 /// \param tolerance  a pivot below it times the diagonal element it came from: the problem does not tell
