@@ -43,7 +43,7 @@ void report(const char* pixels, const keyframe_map& map, const map_evaluation_op
       "%.2f %%\n",
       median(e.distance_m), quantile(e.distance_m, 0.9), 100 * median(e.distance_relative),
       100 * quantile(e.distance_relative, 0.9));
-  std::printf("  epipolar-ordered search: %.2f ms a keyframe (one core); differs from exhaustive in %zu of %zu\n",
+  std::printf("  epipolar-ordered search: %.2f ms per keyframe (one core); differs from exhaustive in %zu of %zu\n",
               e.search_ms / static_cast<double>(e.queries), e.ordered_differs, e.queries);
 }
 
@@ -96,7 +96,7 @@ int main(int argc, char** argv) {
   map_evaluation_options options;
   CLI::App app("Evaluates search and creation on a recorded map with known poses.", "turbomap-evaluate-euroc-map");
   app.add_option("MAP", file, "The .kfm file")->required();
-  app.add_option("--neighbours", options.neighbours, "Neighbours a keyframe")
+  app.add_option("--neighbours", options.neighbours, "Neighbours per keyframe")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_option("--max-distance", options.max_distance, "Largest descriptor distance")

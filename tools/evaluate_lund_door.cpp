@@ -34,7 +34,7 @@ void report(const char* pixels, const turbomap::colmap_model& model, const std::
       "against the track's (%zu): median %.2f %%, p90 %.2f %%\n",
       e.accepted, 100 * median(e.nearest), 100 * quantile(e.nearest, 0.9), e.depth_error.size(),
       100 * median(e.depth_error), 100 * quantile(e.depth_error, 0.9));
-  std::printf("  epipolar-ordered search: %.1f ms a photograph (one core); differs from exhaustive in %zu of %zu\n",
+  std::printf("  epipolar-ordered search: %.1f ms per photograph (one core); differs from exhaustive in %zu of %zu\n",
               e.search_ms / static_cast<double>(e.photos), e.ordered_differs, e.photos);
 }
 
@@ -45,7 +45,7 @@ int main(int argc, char** argv) {
   photo_evaluation_options options;
   CLI::App app("Evaluates search and creation on photographs with a COLMAP model.", "turbomap-evaluate-lund-door");
   app.add_option("FOLDER", folder, "Folder with images/ and colmap_ground_truth/ (text form)")->required();
-  app.add_option("--features", options.features, "ORB features a photograph")
+  app.add_option("--features", options.features, "ORB features per photograph")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
   app.add_option("--neighbours", options.neighbours, "Neighbours a photograph")

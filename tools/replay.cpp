@@ -78,7 +78,7 @@ int main(int argc, char** argv) try {
       ->check(CLI::Range(0.0, 0.9999));
   app.add_option("--merges", a.merges, "what fusion does with points that a camera sees at two keypoints")
       ->check(CLI::IsMember({"refuse", "apart", "drop"}));
-  app.add_option("--deadline-ms", a.deadline_ms, "time a keyframe may take: work that would overrun is cut")
+  app.add_option("--deadline-ms", a.deadline_ms, "milliseconds per keyframe: work that would overrun is cut")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--report", a.report, "write a page with map, times and growth to this file (HTML)");
   app.add_option("--json", a.json, "write the result to this file");

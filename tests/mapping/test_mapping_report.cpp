@@ -24,7 +24,7 @@ TEST_CASE("the stages have the names of the command-line contract, in their orde
     CHECK(std::string(turbomap::to_string(static_cast<mapping_stage>(s))) == names[s]);
 }
 
-TEST_CASE("a value a stage") {
+TEST_CASE("one value per stage") {
   turbomap::per_stage<int> values;
   for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) CHECK(values[static_cast<mapping_stage>(s)] == 0);
   values[mapping_stage::fusion] = 3;

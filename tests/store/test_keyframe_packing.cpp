@@ -167,7 +167,7 @@ TEST_CASE("all keypoints in one cell, and none in any") {
   check_against_input(k);
 }
 
-TEST_CASE("65,535 keypoints take 16 bits an index, 65,536 take 32") {
+TEST_CASE("65,535 keypoints take 16 bits per index, 65,536 take 32") {
   for (int n : {65535, 65536, 70000}) {
     auto k = make_keyframe(1, n, 1, false, 50);
     for (auto& p : k.keypoints) p.x = 100 + static_cast<float>(&p - k.keypoints.data() > n - 3), p.y = 50;

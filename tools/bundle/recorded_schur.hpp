@@ -94,7 +94,7 @@ class recorded_schur {
       fits = s.hll.row_offset[l + 1] - s.hll.row_offset[l] == 3;
     for (std::size_t k = 0; fits && k < s.hpl.block_count(); ++k) fits = at(s.hpl.row[k]) < frames;
     for (std::size_t k = 0; fits && k < s.hll.block_count(); ++k) fits = s.hll.row[k] == s.hll.column[k];
-    if (!fits) throw turbomap::bad_file("turbomap: hpp.txt: the blocks are not one of 6 and three of 3 a keyframe");
+    if (!fits) throw turbomap::bad_file("turbomap: hpp.txt: the blocks are not one of 6 and three of 3 per keyframe");
     return static_cast<int>(frames);
   }
 

@@ -127,7 +127,7 @@ inline nlohmann::json columns(const report_data& data) {
 inline void validate(const report_data& data) {
   using turbomap::require;
   const auto fits = [&](std::size_t size, const char* argument) {
-    require(size == 0 || size == data.stages.size(), argument, size, "must have one element a stage, or none");
+    require(size == 0 || size == data.stages.size(), argument, size, "must have one element per stage, or none");
   };
   for (const auto& row : data.rows) {
     fits(row.stage_ms.size(), "report_data.rows[].stage_ms.size()");

@@ -136,7 +136,7 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
       o.json["peer_ate_rmse_m"] = recording.meta.ate_kf_rmse_m;
       std::printf(" (peer, after its adjustment: %.4f m)", recording.meta.ate_kf_rmse_m);
     }
-    std::printf("; store %.0f bytes a keyframe\n", result.store.bytes_per_keyframe);
+    std::printf("; store %.0f bytes per keyframe\n", result.store.bytes_per_keyframe);
   }
   if (recording.is_simulated()) {
     o.json["true_matches"] = {{"pairs", result.matches.matches}, {"correct", result.matches.correct_matches}};
