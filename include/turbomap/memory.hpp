@@ -15,6 +15,10 @@
 #include "config.hpp"
 #include "error.hpp"
 
+#if TURBOMAP_HAS_CUDA
+#include <thrust/system/cuda/detail/execution_policy.h>
+#endif
+
 namespace turbomap {
 
 /// Memory that the host reads and writes directly.
@@ -34,11 +38,20 @@ inline constexpr bool is_host_accessible_v<device_memory> = false;
 TURBOMAP_BEGIN_NAMESPACE
 
 /// \name The memory a policy computes in
-/// Host memory, unless a more specialised overload (cuda/memory.cuh) says otherwise.
+/// Host memory, unless the overload for CUDA is chosen. Both stand here because memory_of_t finds only what is declared
+/// before it, whichever header of the library comes first.
 /// @{
 template <class Derived>
 host_memory memory_of(const thrust::execution_policy<Derived>&);
+#if TURBOMAP_HAS_CUDA
+template <class Derived>
+device_memory memory_of(const thrust::cuda_cub::execution_policy<Derived>&);
+#endif
 /// @}
+
+/// host_memory or device_memory.
+template <class Policy>
+using memory_of_t = decltype(memory_of(std::declval<const Policy&>()));
 
 /// The policy itself, of a reference to its base class: what a launcher hands on, so that overloads for the policy are
 /// found.
@@ -64,11 +77,3 @@ TURBOMAP_END_NAMESPACE
 #if TURBOMAP_HAS_CUDA
 #include "cuda/memory.cuh"
 #endif
-
-TURBOMAP_BEGIN_NAMESPACE
-
-/// host_memory or device_memory.
-template <class Policy>
-using memory_of_t = decltype(memory_of(std::declval<const Policy&>()));
-
-TURBOMAP_END_NAMESPACE

@@ -420,8 +420,9 @@ TEST_CASE("a point behind its only camera is an outlier, however well it fits") 
   using turbomap::operator*;
   local_scene<flat_map> s;
   const auto k = s.keyframes[5];
-  for (std::size_t i = 0; i < s.map.keypoints(k).size(); ++i) {
-    const auto& z = s.map.keypoints(k)[i];
+  const auto keypoints = s.map.keypoints(k);
+  for (std::size_t i = 0; i < keypoints.size(); ++i) {
+    const auto& z = keypoints[i];
     if (z.camera != 0 || z.u_right >= 0) continue;
     turbomap::forget(s.map, k, i);
     const double x = static_cast<double>((z.x - 320) / 400), y = static_cast<double>((z.y - 240) / 401);

@@ -47,7 +47,7 @@ std::string map_digest(const Map& map) {
   traits::for_each_keyframe(map, [&](typename traits::keyframe k) {
     const auto& T = traits::pose(map, k);
     d.add(traits::id(map, k));
-    for (const auto x : {T.qx, T.qy, T.qz, T.qw, T.tx, T.ty, T.tz}) d.add(x);
+    d.add(T.qx), d.add(T.qy), d.add(T.qz), d.add(T.qw), d.add(T.tx), d.add(T.ty), d.add(T.tz);
   });
   traits::for_each_point(map, [&](typename traits::point p) {
     const auto& x = traits::position(map, p);

@@ -33,9 +33,6 @@ cudaStream_t stream_of(const thrust::cuda_cub::execution_policy<Derived>& policy
   return thrust::cuda_cub::stream(const_cast<thrust::cuda_cub::execution_policy<Derived>&>(policy));
 }
 
-template <class Derived>
-device_memory memory_of(const thrust::cuda_cub::execution_policy<Derived>&);
-
 /// cudaMalloc. Throws out_of_memory.
 class cuda_device_resource : public std::pmr::memory_resource {
   void* do_allocate(std::size_t bytes, std::size_t) override {
