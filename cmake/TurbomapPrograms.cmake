@@ -74,9 +74,9 @@ if(TURBOMAP_NATIVE_ARCH)
   # For nvcc's host code as well: Eigen aligns its types as the processor likes, so both must mean the same one.
   target_compile_options(turbomap_developer INTERFACE
     "$<${turbomap_is_cxx}:-march=native>" "$<${turbomap_is_nvcc}:-Xcompiler=-march=native>")
-  if(CMAKE_CXX_COMPILER_ID STREQUAL GNU AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
-    # g++ 12 warns of its own AVX-512 intrinsics (GCC bug 105593) wherever Eigen inlines them. The builds for any processor
-    # keep these warnings.
+  if(CMAKE_CXX_COMPILER_ID STREQUAL GNU AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 14)
+    # g++ 12 and 13 warn of their own AVX-512 intrinsics (GCC bug 105593) wherever Eigen inlines them. The builds for any
+    # processor keep these warnings.
     target_compile_options(turbomap_developer INTERFACE
       "$<${turbomap_is_cxx}:-Wno-uninitialized;-Wno-maybe-uninitialized;-Wno-array-bounds>")
   endif()

@@ -8,6 +8,7 @@
 
 #include <turbomap/map/map_edit.hpp>
 #include <turbomap/map/observation_counts.hpp>
+#include <turbomap/mapping/keyframe_culling.hpp>
 
 #include <cstdint>
 #include <limits>

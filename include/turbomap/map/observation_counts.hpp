@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "../config.hpp"
-#include "../culling/redundancy.hpp"
 #include "map_traits.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -71,20 +70,6 @@ void recount(const Map& map, typename map_traits<Map>::point point, std::vector<
 /// Whether the observations of points are counted by their octaves in the user's map.
 template <class Map>
 inline constexpr bool counts_octaves_v = detail::map_has_v<Map, detail::map_counts_member>;
-
-/// Keyframes that see the point at `octave` or finer, but no more than `enough`: counting ends there. A prefix sum of the
-/// kept counts; without them, a walk over the observations.
-template <class Map>
-std::uint32_t observers_up_to(const Map& map, typename map_traits<Map>::point point, int octave, std::uint32_t enough,
-                              [[maybe_unused]] std::vector<std::uint32_t>& scratch) {
-  if constexpr (counts_octaves_v<Map>) {
-    const auto& counts = map_traits<Map>::octave_counts(map, point);
-    return count_up_to({counts.data(), counts.size()}, octave, enough);
-  } else {
-    recount(map, point, scratch);
-    return count_up_to(scratch, octave, enough);
-  }
-}
 
 /// The number of measurements of a point: a stereo keypoint (u_right >= 0) is two, every other view one [ORB-SLAM3]. O(views).
 template <class Map>

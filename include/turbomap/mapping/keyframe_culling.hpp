@@ -44,6 +44,20 @@ struct culling_record {
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// Keyframes that see the point at `octave` or finer, but no more than `enough`: counting ends there. A prefix sum of the
+/// kept counts; without them, a walk over the observations.
+template <class Map>
+std::uint32_t observers_up_to(const Map& map, typename map_traits<Map>::point point, int octave, std::uint32_t enough,
+                              [[maybe_unused]] std::vector<std::uint32_t>& scratch) {
+  if constexpr (counts_octaves_v<Map>) {
+    const auto& counts = map_traits<Map>::octave_counts(map, point);
+    return count_up_to({counts.data(), counts.size()}, octave, enough);
+  } else {
+    recount(map, point, scratch);
+    return count_up_to(scratch, octave, enough);
+  }
+}
+
 /// Points of the keyframe that count, and how many of them are redundant. A short sum per point where the map keeps counts
 /// (counts_octaves_v). `scratch` is reused memory. O(keypoints).
 template <class Map>
