@@ -5,7 +5,8 @@
 /// \file
 /// The loop of local mapping over the stages of this library, on the user's own map [TurboMap Fig. 3]. A SLAM system hands it
 /// keyframes; it finds new map points, fuses duplicate ones, adjusts poses and points, and takes out what is redundant. It
-/// does nothing that a user who calls the stages themselves could not do.
+/// does nothing that a user who calls the stages themselves could not do. Longer than other headers, so that the whole loop
+/// can be read in one place.
 
 #include <cstddef>
 #include <cstdint>
