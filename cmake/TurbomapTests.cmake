@@ -85,6 +85,9 @@ function(turbomap_add_test source label)
   add_test(NAME ${test} COMMAND ${name})
   set_tests_properties(${test} PROPERTIES TIMEOUT 600 SKIP_RETURN_CODE 77 LABELS "${label}")
   set_property(TEST ${test} PROPERTY ENVIRONMENT "${turbomap_test_environment}")
+  if(name MATCHES "local_mapper|time_budget|threads|context")  # they look at the clock, or at threads of their own
+    set_property(TEST ${test} PROPERTY RUN_SERIAL ON)
+  endif()
 endfunction()
 
 # turbomap_add_script_test(NAME LABEL SCRIPT): a bash script that looks at the source.
