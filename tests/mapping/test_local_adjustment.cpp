@@ -531,6 +531,15 @@ TEST_CASE("bad input is refused by name, and the map stays") {
   CHECK_FALSE(s.map.watch.held);
 }
 
+TEST_CASE("one for the map and context of a scope") {
+  local_scene<flat_map> s, expected;
+  adjustment_run<flat_map, sequential> run(sequential{}, s);
+  turbomap::local_adjustment adjust(run.scope());
+  CHECK(adjust(run.scope(), s.keyframes[5], {}).solve.accepted > 0);
+  adjust_around(sequential{}, expected, 5);
+  CHECK(s.state() == expected.state());
+}
+
 TEST_CASE("keyframes that are not in the store are passed over; the current one must be there") {
   local_scene<flat_map> s;
   adjustment_run<flat_map, sequential> all(sequential{}, s), run(sequential{}, s);

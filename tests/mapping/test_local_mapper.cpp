@@ -233,6 +233,22 @@ TEST_CASE("the mapper adjusts by itself, with the same bits under every host pol
   for_each_parallel_policy([&](auto policy) { CHECK(adjusted_map(policy, c, 8) == expected); });
 }
 
+TEST_CASE("what adjustment moves, and what outliers leave, is described anew") {
+  using map_type = mapped_by<pinhole_camera>;
+  auto c = stereo_case(noisy(11));
+  c.options.adjustment.mono_chi2 = c.options.adjustment.stereo_chi2 = 1;  // many outliers
+  const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
+  mapping_run<map_type, sequential, turbomap::local_adjustment<map_type, sequential>> run(scene, c.options);
+  std::size_t outliers = 0;
+  for (int n = 0; n < 8; ++n) outliers += run.step().adjustment.outliers;
+  CHECK(outliers > 10);
+  std::vector<turbomap::map_point_id> all;
+  turbomap::map_traits<map_type>::for_each_point(run.map, [&](turbomap::map_point_id p) { all.push_back(p); });
+  const std::string now = content(run.map);
+  run.mapper.update_appearance(turbomap::span<const turbomap::map_point_id>(all));
+  CHECK(content(run.map) == now);
+}
+
 TEST_CASE("a hook adjusts in place of the mapper's own stage") {
   using map_type = mapped_by<pinhole_camera>;
   const auto c = stereo_case();
@@ -735,7 +751,8 @@ TEST_CASE("no memory, at any time: the map is sound, and the next keyframe is ma
       stereo_run<> r(options, {}, small);
       r.run.notes_creation = false;
       r.run.steps(2);
-      turbomap::local_mapper<flat_map, sequential, turbomap::no_adjustment> fresh(r.run.ctx, r.run.map, r.run.store, options);
+      turbomap::local_mapper<flat_map, sequential, turbomap::no_adjustment> fresh(r.run.ctx, r.run.map, r.run.store,
+                                                                                  options);
       for (std::size_t i = 0; i < 2; ++i)
         if (r.run.map.alive(r.run.keyframes()[i]))
           fresh.insert(r.run.keyframes()[i], r.scene.data<map_descriptor>(r.run.view(i)));

@@ -52,11 +52,6 @@ class neighbour_search {
     gather(s.map, s.stored, query, near, options, most);
     return most < near.size() && neighbour_count() == most;
   }
-  /// All neighbours that suffice.
-  void snapshot(const scope& s, keyframe query, const neighbour_search_options& options) {
-    snapshot(s, query, options, [](std::size_t n) { return n; });
-  }
-
   /// Searches what was copied. Waits for the end. The matches stay until the next search.
   void compute(const scope& s, const search_options& options) {
     pinned_.reset();
