@@ -51,6 +51,12 @@ struct rigid_transform {
   T tx = 0, ty = 0, tz = 0;
 };
 
+/// How well the position of a map point is known: its covariance in the world frame, m^2, the lower half of a symmetric
+/// matrix. All zero: exact.
+struct point_covariance {
+  float xx = 0, yx = 0, yy = 0, zx = 0, zy = 0, zz = 0;
+};
+
 /// One keypoint as tracking hands it over.
 struct keypoint {
   float x = 0, y = 0;              ///< pixel: undistorted (pinhole) or raw (any other camera model)
@@ -77,6 +83,7 @@ struct image_bounds {
 };
 
 static_assert(std::is_trivially_copyable_v<keypoint> && sizeof(keypoint) == 28);
+static_assert(std::is_trivially_copyable_v<point_covariance> && sizeof(point_covariance) == 24);
 static_assert(std::is_trivially_copyable_v<rigid_transform<float>> && sizeof(rigid_transform<float>) == 28);
 
 }  // namespace turbomap
