@@ -43,7 +43,7 @@ class host_policy : public thrust::cpp::execution_policy<host_policy> {
 
   /// What Thrust calls, found by argument-dependent lookup.
   template <class Iterator, class Size, class Function>
-  friend Iterator for_each_n(host_policy& policy, Iterator first, Size n, Function f) {
+  friend Iterator for_each_n([[maybe_unused]] host_policy& policy, Iterator first, Size n, Function f) {
 #if defined(TURBOMAP_WITH_OPENMP)
     if (policy.kind_ == kind::omp) return thrust::for_each_n(thrust::omp::par, first, n, f);
 #endif

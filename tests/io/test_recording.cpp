@@ -81,6 +81,8 @@ TEST_CASE("a recording is read back as written") {
     CHECK(again.meta.events[0].name == "InitializeIMU");
     CHECK(again.meta.events[0].scale == 1.02);
     CHECK(again.meta.ate_kf_rmse_m == 0.03125);
+    CHECK(again.meta.noise_px == 0.75);
+    CHECK(again.meta.disparity_noise_px == -1);
     CHECK(again.nleft == std::vector<i4>(3, fisheye ? 3 : -1));
     CHECK(again.has_imu());
     CHECK(again.has_velocity());

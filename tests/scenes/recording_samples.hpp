@@ -74,7 +74,7 @@ inline turbomap::recording small_recording(bool fisheye = false) {
     record.add_ground_truth(k.t_ns, {static_cast<double>(i), 0, 0, 1, 0, 0, 0});
   }
   auto& r = record.data();
-  r.meta.keyframes_inserted = 3, r.meta.ate_kf_rmse_m = 0.03125;
+  r.meta.keyframes_inserted = 3, r.meta.ate_kf_rmse_m = 0.03125, r.meta.noise_px = 0.75;
   r.final_T_cw = r.T_cw, r.final_alive = {1, 0, 1};
   r.frame_t_ns = r.t_ns, r.frame_T_cw = r.T_cw, r.frame_state = {2, 2, 1};
   r.frame_T_cw[2].tx = std::numeric_limits<float>::quiet_NaN();  // not tracked: means nothing

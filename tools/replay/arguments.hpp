@@ -5,14 +5,24 @@
 /// \file
 /// What turbomap-replay is asked to do, and the entry of each policy.
 
+#include <algorithm>
 #include <filesystem>
 #include <string>
 
 #include <nlohmann/json.hpp>
 
 #include <turbomap/adjustment/options.hpp>
+#include <turbomap/io/recording_data.hpp>
 
 namespace turbomap_replay {
+
+/// The correlation of the errors of u and u_right with which the disparity errs as it was simulated: its variance is
+/// 2 (1 - correlation) times that of u. Between 0 and 0.9999: adjustments need less than 1. 0 where it is not known.
+inline double simulated_correlation(const turbomap::recording_meta& meta) {
+  if (!(meta.noise_px > 0) || meta.disparity_noise_px < 0) return 0;
+  const double ratio = meta.disparity_noise_px / meta.noise_px;
+  return std::clamp(1 - ratio * ratio / 2, 0.0, 0.9999);
+}
 
 struct arguments {
   std::filesystem::path recording;
@@ -33,9 +43,10 @@ struct arguments {
 
   /// Adjustments' stereo_correlation. Measured against ground truth on the EuRoC recordings, in pixels of the octave: u
   /// is off by 0.68 and 0.86, the disparity by 0.13 and 0.15 (two views each). 31/32 allows the disparity 0.25 sigma.
-  /// The simulator draws the two errors independently.
-  double correlation(bool simulated) const {
-    return stereo_correlation >= 0 ? stereo_correlation : simulated ? 0 : 31.0 / 32;
+  /// A simulated recording tells its own; older ones were drawn with independent errors.
+  double correlation(const turbomap::recording& r) const {
+    if (stereo_correlation >= 0) return stereo_correlation;
+    return r.is_simulated() ? simulated_correlation(r.meta) : 31.0 / 32;
   }
   turbomap::precision precision() const {
     return numbers == "float64"   ? turbomap::precision::float64

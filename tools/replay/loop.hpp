@@ -45,9 +45,9 @@ struct replay_result {
 };
 
 /// Options of the mapper for a recording.
-inline turbomap::local_mapper_options mapper_options(const turbomap::recording_meta& meta, const arguments& a,
-                                                     bool simulated) {
+inline turbomap::local_mapper_options mapper_options(const turbomap::recording& recording, const arguments& a) {
   using turbomap::mapping_stage;
+  const turbomap::recording_meta& meta = recording.meta;
   auto o = meta.sensor == "inertial"
                ? turbomap::local_mapper_options::stereo_inertial(meta.baseline, meta.close_depth, meta.pyramid())
            : meta.sensor == "monocular"
@@ -61,7 +61,7 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording_m
                            : a.merges == "refuse" ? turbomap::merge_rule::refuse
                                                   : turbomap::merge_rule::refuse_apart;
   o.adjustment.solve.numbers = a.precision();
-  o.adjustment.stereo_correlation = a.correlation(simulated);
+  o.adjustment.stereo_correlation = a.correlation(recording);
   o.deadline_ms = a.deadline_ms;
   o.enabled[mapping_stage::point_culling] = a.point_culling;
   o.enabled[mapping_stage::search] = a.search;
@@ -86,10 +86,9 @@ class replayer {
         ctx_(policy),
         store_(recorded_store_options(recording.meta)),
         world_(recording, arguments.adjustment),
-        tracker_(ctx_, rig_, recording.meta.pyramid(), arguments.correlation(recording.is_simulated())),
+        tracker_(ctx_, rig_, recording.meta.pyramid(), arguments.correlation(recording)),
         judge_(recording, ctx_),
-        mapper_(ctx_, world_.map(), store_, mapper_options(recording.meta, arguments, recording.is_simulated()),
-                hooks()) {}
+        mapper_(ctx_, world_.map(), store_, mapper_options(recording, arguments), hooks()) {}
   replayer(const replayer&) = delete;
   replayer& operator=(const replayer&) = delete;
 

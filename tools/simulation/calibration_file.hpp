@@ -109,7 +109,7 @@ inline simulated_rig read_rig(const std::filesystem::path& file) {
     rig.baseline = (rig.cameras[0].T_bc.inverse() * second.T_bc).translation().norm();
     if (second.is_fisheye()) rig.cameras.push_back(second);
   }
-  if (rig.cameras[0].is_fisheye()) rig.features = 1000;
+  if (rig.cameras[0].is_fisheye()) rig.features = 1000, rig.noise_px = fisheye_noise_px;
   rig.close_depth = 40 * rig.baseline;
   return rig;
 }

@@ -23,7 +23,6 @@ namespace turbomap::simulation {
 struct observation_options {
   double scale_factor = 1.2;
   int levels = 8;
-  double noise_px = 1;          ///< standard deviation at the finest level; scale_factor^octave times this at others
   double detected = 0.8;        ///< share of the visible points that an extractor finds in one image
   double clutter = 0.2;         ///< share of the keypoints, at least, that show no scene point
   double octave_jitter = 0.15;  ///< chance each to be found one level finer or coarser than predicted
@@ -95,7 +94,7 @@ class observer {
     return px.x() >= options_.margin && px.x() <= camera.width - options_.margin - 1 && px.y() >= options_.margin &&
            px.y() <= camera.height - options_.margin - 1;
   }
-  double sigma(int octave) const { return options_.noise_px * std::pow(options_.scale_factor, octave); }
+  double sigma(int octave) const { return rig_.noise_px * std::pow(options_.scale_factor, octave); }
 
   void add_camera(std::uint64_t keyframe, std::size_t c, const Eigen::Isometry3d& T_wc,
                   keyframe_observation& all) const {
@@ -144,8 +143,9 @@ class observer {
     camera.project(ahead, tip);
     const double radians = std::atan2(tip.y() - pixel.y(), tip.x() - pixel.x());
     k.angle = wrapped(radians * (180 / 3.14159265358979323846) + options_.angle_noise * random.normal());
-    const double u_right = pixel.x() - rig_.focal() * rig_.baseline / x.z() + sigma(octave) * random.normal();
-    if (rig_.rectified() && random.chance(options_.stereo)) set_stereo(k, u_right);
+    const double disparity = rig_.focal() * rig_.baseline / x.z() +
+                             rig_.disparity_noise_px * std::pow(options_.scale_factor, octave) * random.normal();
+    if (rig_.rectified() && random.chance(options_.stereo)) set_stereo(k, k.x - disparity);
     return k;
   }
   keypoint clutter(const simulated_camera& camera, std::size_t c, int octave, random_stream& random) const {

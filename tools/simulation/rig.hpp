@@ -58,6 +58,10 @@ struct simulated_rig {
   double baseline = 0;                    ///< m; of a rectified pair (one camera here) or between the two; 0: monocular
   double close_depth = 0;                 ///< m
   int features = 1200;                    ///< keypoints per camera
+  /// Standard deviations at the finest level (px), scale_factor^octave times as much at others: of u and v, and of the
+  /// disparity of a rectified pair. The right image is searched for the left one's patch, so that u_right errs as u does:
+  /// the disparity is known four times as well as either. As measured on EuRoC (docs/performance.md, stereo noise).
+  double noise_px = 0.5, disparity_noise_px = 0.13;
   imu_noise imu;
 
   bool rectified() const { return cameras.size() == 1 && baseline > 0; }
@@ -84,6 +88,9 @@ inline simulated_rig euroc_rig() {
   return rig;
 }
 
+/// px; the keypoints of each fisheye image are found and matched by themselves.
+inline constexpr double fisheye_noise_px = 1;
+
 /// TUM-VI's fisheye pair at 512 x 512 (Schubert et al., IROS 2018).
 inline simulated_rig tum_vi_rig() {
   simulated_camera left, right;
@@ -107,6 +114,7 @@ inline simulated_rig tum_vi_rig() {
   rig.cameras = {left, right};
   rig.baseline = (left.T_bc.inverse() * right.T_bc).translation().norm(), rig.close_depth = 40 * rig.baseline;
   rig.features = 1000;
+  rig.noise_px = fisheye_noise_px;
   rig.imu.gyro = 0.00016, rig.imu.acceleration = 0.0028, rig.imu.gyro_walk = 2.2e-5,
   rig.imu.acceleration_walk = 0.00086;
   return rig;

@@ -61,6 +61,8 @@ inline recording_meta make_meta(const simulated_rig& rig, const simulation_optio
     m.T_rl = to_float(rig.cameras[1].T_bc.inverse() * left.T_bc);
   }
   m.baseline = rig.baseline, m.bf = rig.baseline * rig.focal(), m.close_depth = rig.close_depth;
+  m.noise_px = rig.noise_px;
+  if (rig.rectified()) m.disparity_noise_px = rig.disparity_noise_px;
   m.levels = options.observation.levels;
   m.scale_factor = static_cast<float>(options.observation.scale_factor);
   m.log_scale_factor = std::log(m.scale_factor);

@@ -3,6 +3,7 @@
 
 // Simulated recordings: their statistics are those asked for, their geometry agrees with the truth written beside them.
 
+#include "replay/arguments.hpp"
 #include "simulation/calibration_file.hpp"
 #include "simulation/simulate.hpp"
 
@@ -155,7 +156,7 @@ TEST_CASE("keypoints lie where the true pose projects their points, up to the no
   std::size_t which = 0;
   for (const sim::simulated_rig& rig : rigs) {
     const recording& r = *recordings[which++];
-    std::vector<double> errors, stereo;
+    std::vector<double> errors, stereo, left, right;
     for (std::size_t i = 0; i < r.keyframe_count(); ++i) {
       const auto keypoints = r.gather_keypoints(i);
       for (std::size_t k = 0; k < keypoints.size(); ++k) {
@@ -166,23 +167,53 @@ TEST_CASE("keypoints lie where the true pose projects their points, up to the no
         const Eigen::Vector3d x = T * vector(r.sim_point_xyz[static_cast<std::size_t>(point)]);
         Eigen::Vector2d pixel;
         REQUIRE(rig.cameras[keypoints[k].camera].project(x, pixel));
-        const double sigma = std::pow(1.2, keypoints[k].octave);
+        const double scale = std::pow(1.2, keypoints[k].octave), sigma = rig.noise_px * scale;
         errors.push_back(std::pow((keypoints[k].x - pixel.x()) / sigma, 2));
         errors.push_back(std::pow((keypoints[k].y - pixel.y()) / sigma, 2));
-        if (keypoints[k].u_right >= 0)
-          stereo.push_back(std::pow((keypoints[k].u_right - pixel.x() + r.meta.bf / x.z()) / sigma, 2));
+        if (keypoints[k].u_right < 0) continue;
+        const double disparity = keypoints[k].x - keypoints[k].u_right, wrong = disparity - r.meta.bf / x.z();
+        stereo.push_back(std::pow(wrong / (rig.disparity_noise_px * scale), 2));
+        right.push_back((keypoints[k].u_right - pixel.x() + r.meta.bf / x.z()) / sigma);
+        left.push_back((keypoints[k].x - pixel.x()) / sigma);
       }
     }
     CHECK(mean(errors) == doctest::Approx(1).epsilon(0.03));
     CHECK(stereo.empty() == r.meta.is_fisheye());
-    if (!stereo.empty()) CHECK(mean(stereo) == doctest::Approx(1).epsilon(0.06));
+    if (stereo.empty()) continue;
+    CHECK(mean(stereo) == doctest::Approx(1).epsilon(0.06));
+    std::vector<double> together;
+    for (std::size_t k = 0; k < left.size(); ++k) together.push_back(left[k] * right[k]);
+    CHECK(mean(together) == doctest::Approx(1).epsilon(0.05));  // u and u_right err alike
   }
+}
+
+TEST_CASE("the noise that was simulated is told, and so is the correlation that replays adjust with") {
+  sim::simulated_rig rig = sim::euroc_rig();
+  CHECK(euroc().meta.noise_px == 0.5);
+  CHECK(euroc().meta.disparity_noise_px == 0.13);
+  CHECK(tum_vi().meta.noise_px == sim::fisheye_noise_px);
+  CHECK(tum_vi().meta.disparity_noise_px == -1);
+  turbomap_replay::arguments a;
+  CHECK(a.correlation(euroc()) == doctest::Approx(1 - 0.13 * 0.13 / (2 * 0.5 * 0.5)));
+  CHECK(a.correlation(tum_vi()) == 0);
+  rig.disparity_noise_px = 0;
+  CHECK(a.correlation(simulated(rig, 3)) == 0.9999);
+  rig.disparity_noise_px = 1;  // worse than independent errors: not modelled
+  CHECK(a.correlation(simulated(rig, 3)) == 0);
+  recording old = euroc();
+  old.meta.noise_px = old.meta.disparity_noise_px = -1;
+  CHECK(a.correlation(old) == 0);
+  old.sim_point_id.clear();
+  CHECK(a.correlation(old) == 31.0 / 32);
+  a.stereo_correlation = 0.5;
+  CHECK(a.correlation(euroc()) == 0.5);
 }
 
 TEST_CASE("true matches satisfy the epipolar constraint up to the noise") {
   const recording& r = euroc();
   Eigen::Matrix3d K = Eigen::Matrix3d::Identity();
   K(0, 0) = r.meta.camera1[0], K(1, 1) = r.meta.camera1[1], K(0, 2) = r.meta.camera1[2], K(1, 2) = r.meta.camera1[3];
+  const double rig_noise = sim::euroc_rig().noise_px;
   std::vector<double> errors;
   for (std::size_t i = 0; i + 1 < r.keyframe_count(); ++i) {
     const Eigen::Isometry3d T = isometry(r.sim_T_cw_true[i + 1]) * isometry(r.sim_T_cw_true[i]).inverse();
@@ -194,7 +225,7 @@ TEST_CASE("true matches satisfy the epipolar constraint up to the noise") {
       const Eigen::Vector3d l2 = F * x1, l1 = F.transpose() * x2;
       const double variance = std::pow(1.44, r.kp_octave[b]) * l2.head<2>().squaredNorm() +
                               std::pow(1.44, r.kp_octave[a]) * l1.head<2>().squaredNorm();
-      errors.push_back(std::pow(x2.dot(l2), 2) / variance);
+      errors.push_back(std::pow(x2.dot(l2) / rig_noise, 2) / variance);
     }
   }
   CHECK(errors.size() > 1000);

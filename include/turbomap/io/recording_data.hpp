@@ -63,6 +63,9 @@ struct recording_meta {
   float cell_width_inverse = 0, cell_height_inverse = 0;  ///< cells per pixel
   std::vector<double> imu_noise_variance,
       imu_walk_variance;  ///< discrete; gyro xyz, acceleration xyz; empty without IMU
+  /// Simulated recordings: standard deviations (px, finest level) of u and v, and of the disparity of a rectified pair;
+  /// -1: not known.
+  double noise_px = -1, disparity_noise_px = -1;
   std::vector<recording_event> events;
   std::vector<std::int32_t> snapshots;  ///< iterations of which every stage's input and output is there
   // What the recorded system reported in the end; -1: unknown.

@@ -89,6 +89,8 @@ inline void check_meta(const json_reader& json, const recording_meta& m) {
   if (m.grid_rows < 1) json.fail("grid_rows", "is not positive");
   if (!(m.cell_width_inverse > 0)) json.fail("grid_el_w_inv", "is not positive");
   if (!(m.cell_height_inverse > 0)) json.fail("grid_el_h_inv", "is not positive");
+  if (json.has("noise_px") && !(m.noise_px >= 0)) json.fail("noise_px", "is negative");
+  if (json.has("disparity_noise_px") && !(m.disparity_noise_px >= 0)) json.fail("disparity_noise_px", "is negative");
 }
 
 }  // namespace detail
@@ -115,6 +117,7 @@ inline recording_meta read_recording_meta(const std::filesystem::path& file) {
   m.cell_width_inverse = json.get<float>("grid_el_w_inv"), m.cell_height_inverse = json.get<float>("grid_el_h_inv");
   m.imu_noise_variance = json.get<std::vector<double>>("imu_noise_cov_diag", {});
   m.imu_walk_variance = json.get<std::vector<double>>("imu_walk_cov_diag", {});
+  m.noise_px = json.get("noise_px", -1.0), m.disparity_noise_px = json.get("disparity_noise_px", -1.0);
   m.snapshots = json.get<std::vector<std::int32_t>>("snapshots", {});
   m.frames = json.get("frames", -1), m.frames_not_ok = json.get("frames_not_ok", -1);
   m.keyframes_inserted = json.get("keyframes_inserted", -1);
@@ -157,6 +160,8 @@ inline void write_recording_meta(const std::filesystem::path& file, const record
   json["grid_cols"] = m.grid_columns, json["grid_rows"] = m.grid_rows;
   json["grid_el_w_inv"] = m.cell_width_inverse, json["grid_el_h_inv"] = m.cell_height_inverse;
   json["imu_noise_cov_diag"] = m.imu_noise_variance, json["imu_walk_cov_diag"] = m.imu_walk_variance;
+  if (m.noise_px >= 0) json["noise_px"] = m.noise_px;
+  if (m.disparity_noise_px >= 0) json["disparity_noise_px"] = m.disparity_noise_px;
   json["events"] = nlohmann::ordered_json::array();
   for (const auto& e : m.events)
     json["events"].push_back({{"iter", e.iteration},
