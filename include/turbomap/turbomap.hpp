@@ -29,6 +29,7 @@
 #include "descriptor/real.hpp"
 #include "error.hpp"
 #include "fusion/duplicate_search.hpp"
+#include "fusion/projection_search.hpp"
 #include "local_mapper.hpp"
 #include "map/covisibility.hpp"
 #include "map/map_edit.hpp"

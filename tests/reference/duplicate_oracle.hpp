@@ -55,7 +55,7 @@ oracle_trial<Descriptor> oracle_duplicate(const turbomap::map_point_view<Descrip
   using turbomap::duplicate_outcome;
   const auto& view = target.view;
   const auto& mounted = view.cameras[camera];
-  oracle_trial<Descriptor> result{{duplicate_outcome::skipped, -1, -1, turbomap::no_duplicate_distance<Descriptor>},
+  oracle_trial<Descriptor> result{{duplicate_outcome::skipped, -1, -1, turbomap::no_match_distance<Descriptor>},
                                   false};
   auto& trial = result.trial;
   const auto ends = [&trial, &result](duplicate_outcome outcome, const close_calls& calls) {

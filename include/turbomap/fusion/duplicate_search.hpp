@@ -9,16 +9,16 @@
 
 #include <type_traits>
 
-#include "../camera/camera_concept.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
-#include "../descriptor/descriptor_concept.hpp"
-#include "duplicate_setup.hpp"
-#include "duplicates.hpp"
-#include "prepare_cameras.hpp"
-#include "search_duplicates.hpp"
+#include "duplicate_options.hpp"
+#include "projection_search.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
+
+/// Points found again in keyframes.
+template <class Descriptor, class Camera, class Policy>
+using duplicates = projections<Descriptor, Camera, Policy>;
 
 /// For each point and each camera of each target: projects the point, and looks around it for the keypoint of least
 /// descriptor distance <= options.max_distance whose octave and reprojection error fit [ORB-SLAM3], [TurboMap §IV-D].
@@ -44,18 +44,7 @@ template <class Descriptor, class Camera, class Policy>
 void find_duplicates(context<Policy>& ctx, const map_point_view<Descriptor>& points,
                      span<const duplicate_target<Descriptor, Camera>> targets, const duplicate_options& options,
                      duplicates<Descriptor, Camera, Policy>& result) {
-  static_assert(require_descriptor<Descriptor>());
-  static_assert(require_camera<Camera>());
-  ctx.begin_call();
-  const auto search = set_up_duplicate_search(ctx, points, targets, options, result.buffers());
-  if (search.request_count == 0 || points.count == 0) return;
-  try {
-    launch_prepare_cameras(ctx.policy(), search);
-    launch_search_duplicates(ctx.policy(), search);
-  } catch (...) {  // out of memory
-    result.clear();
-    throw;
-  }
+  search_by_projection(ctx, points, targets, static_cast<projection_options>(options), result);
 }
 
 /// The same with a fresh result.

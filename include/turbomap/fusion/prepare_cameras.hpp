@@ -10,17 +10,17 @@
 #include "../context.hpp"
 #include "../math/linear.hpp"
 #include "../math/strict.hpp"
-#include "duplicate_view.hpp"
+#include "projection_view.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
 /// Index = request.
 template <class Descriptor, class Camera>
-struct prepare_duplicate_camera {
-  duplicate_view<Descriptor, Camera> search;
+struct prepare_projection_camera {
+  projection_view<Descriptor, Camera> search;
 
   TURBOMAP_HD void operator()(int i) const {
-    duplicate_camera c;
+    projection_camera c;
     c.of = search.requests[i];
     const auto& camera = search.keyframes[c.of.target].cameras[c.of.camera];
     c.T_cw = to_isometry<decision>(camera.T_camera_body) * to_isometry<decision>(search.T_cw[c.of.target]);
@@ -33,8 +33,8 @@ struct prepare_duplicate_camera {
 
 template <class Derived, class Descriptor, class Camera>
 void launch_prepare_cameras(const thrust::execution_policy<Derived>& policy,
-                            const duplicate_view<Descriptor, Camera>& search) {
-  for_each_index(derived(policy), search.request_count, prepare_duplicate_camera<Descriptor, Camera>{search});
+                            const projection_view<Descriptor, Camera>& search) {
+  for_each_index(derived(policy), search.request_count, prepare_projection_camera<Descriptor, Camera>{search});
 }
 
 TURBOMAP_END_NAMESPACE

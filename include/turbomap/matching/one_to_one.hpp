@@ -7,9 +7,9 @@
 /// can show one point of the scene only, so the most similar claim stays.
 
 #include <cstdint>
-#include <cstring>
 
 #include "../atomic.hpp"
+#include "../claim.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
 #include "apply_filter.hpp"
@@ -25,18 +25,13 @@ TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
-/// The best claim of every neighbour keypoint: distance in the upper half, slot in the lower.
+/// The best claim of every neighbour keypoint: the slot is who claims.
 struct keep_winner {
   std::uint64_t* claims;  ///< at has_point_offset[n] + keypoint
 
   template <class Descriptor, class Camera>
   TURBOMAP_HD static std::uint64_t claim(const search_view<Descriptor, Camera>& search, int i) {
-    // Distances are not negative, so the bits of a float are ordered like its value, and those of an int anyway.
-    static_assert(sizeof(typename Descriptor::distance_type) == 4,
-                  "turbomap: one_to_one needs a descriptor whose distance_type has 32 bits: float, std::int32_t...");
-    std::uint32_t bits = 0;
-    if (search.distance[i] != 0) std::memcpy(&bits, &search.distance[i], sizeof(bits));  // -0.0F is 0
-    return static_cast<std::uint64_t>(bits) << 32 | static_cast<std::uint32_t>(i % search.slot_count);
+    return make_claim(search.distance[i], static_cast<std::uint32_t>(i % search.slot_count));
   }
   template <class Descriptor, class Camera>
   TURBOMAP_HD std::uint64_t* cell(const search_view<Descriptor, Camera>& search, int i) const {

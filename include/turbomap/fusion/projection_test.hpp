@@ -3,13 +3,15 @@
 #pragma once
 
 /// \file
-/// The decision of the duplicate search: one point in one camera, test by test [ORB-SLAM3], in strict<double>, so that
+/// The decision of the search by projection: one point in one camera, test by test [ORB-SLAM3], in strict<double>, so that
 /// every policy and every compiler decides alike.
+
+#include <cstdint>
 
 #include "../config.hpp"
 #include "../math/functions.hpp"
-#include "duplicate_view.hpp"
-#include "duplicate_window.hpp"
+#include "projection_view.hpp"
+#include "projection_window.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -23,14 +25,15 @@ struct predicted_keypoint {
 
 /// Looks for the most similar keypoint in the window.
 template <class Descriptor, class Camera>
-class duplicate_scan {
+class projection_scan {
  public:
   using distance_type = typename Descriptor::distance_type;
 
-  TURBOMAP_HD duplicate_scan(const duplicate_view<Descriptor, Camera>& search, const duplicate_camera& camera,
-                             const predicted_keypoint& predicted, int point)
+  TURBOMAP_HD projection_scan(const projection_view<Descriptor, Camera>& search, const projection_camera& camera,
+                              const predicted_keypoint& predicted, int point)
       : search_(search),
         view_(search.keyframes[camera.of.target]),
+        taken_(camera.of.taken),
         predicted_(predicted),
         descriptor_(search.descriptor_of(point)),
         stereo_(camera.bf > decision(0)) {}
@@ -40,8 +43,30 @@ class duplicate_scan {
     const decision du = seen.x - predicted_.pixel.x, dv = seen.y - predicted_.pixel.y;
     if (!(abs(du) < predicted_.radius) || !(abs(dv) < predicted_.radius)) return false;
     in_window = true;
-    const int octave = view_.octave[keypoint], level = predicted_.level;
-    if (level >= 0 && (octave > level || octave < level - 1)) return false;
+    if (taken_ != nullptr && taken_[keypoint] != 0) return false;
+    const int octave = view_.octave[keypoint];
+    const projection_options& options = search_.options;
+    if (predicted_.level >= 0 && !options.is_candidate(octave, predicted_.level)) return false;
+    if (options.gate == projection_gate::all && !fits(keypoint, du, dv, octave)) return false;
+    const distance_type d = Descriptor::distance(descriptor_, view_.descriptor_of(keypoint));
+    // The first of equal ones stays; never one that is no number.
+    if (best < 0 ? d <= Descriptor::worst : d < distance) {
+      if (best >= 0) second = distance;
+      best = keypoint;
+      distance = d;
+    } else if (d < second) {
+      second = d;
+    }
+    return false;
+  }
+
+  bool in_window = false;
+  std::int32_t best = -1;
+  distance_type distance = no_match_distance<Descriptor>;
+  distance_type second = Descriptor::worst;  ///< of another candidate
+
+ private:
+  TURBOMAP_HD bool fits(int keypoint, decision du, decision dv, int octave) const {
     decision error = du * du + dv * dv;
     double chi2 = search_.options.mono_chi2;
     if (stereo_ && view_.is_stereo(keypoint)) {
@@ -49,23 +74,12 @@ class duplicate_scan {
       error += dr * dr;
       chi2 = search_.options.stereo_chi2;
     }
-    if (!(error <= decision(chi2) * decision(search_.sigma2[octave]))) return false;
-    const distance_type d = Descriptor::distance(descriptor_, view_.descriptor_of(keypoint));
-    if (best < 0 ? d <= Descriptor::worst
-                 : d < distance) {  // the first of equal ones stays; never one that is no number
-      best = keypoint;
-      distance = d;
-    }
-    return false;
+    return error <= decision(chi2) * decision(search_.sigma2[octave]);
   }
 
-  bool in_window = false;
-  std::int32_t best = -1;
-  distance_type distance = no_duplicate_distance<Descriptor>;
-
- private:
-  const duplicate_view<Descriptor, Camera>& search_;
+  const projection_view<Descriptor, Camera>& search_;
   const keyframe_view<Descriptor, Camera>& view_;
+  const std::uint8_t* taken_;
   const predicted_keypoint& predicted_;
   const typename Descriptor::element* descriptor_;
   bool stereo_;
@@ -82,40 +96,47 @@ TURBOMAP_HD inline int predicted_octave(decision max_distance, decision distance
 
 /// One point in one camera, from projection to the most similar keypoint.
 template <class Descriptor, class Camera>
-struct duplicate_test {
-  using trial_type = duplicate_trial<typename Descriptor::distance_type>;
-  const duplicate_view<Descriptor, Camera>& search;
-  const duplicate_camera& camera;
+struct projection_test {
+  using trial_type = projection_trial<typename Descriptor::distance_type>;
+  const projection_view<Descriptor, Camera>& search;
+  const projection_camera& camera;
 
   TURBOMAP_HD trial_type operator()(int point) const {
-    trial_type trial{duplicate_outcome::skipped, -1, -1, no_duplicate_distance<Descriptor>};
+    trial_type trial{projection_outcome::skipped, -1, -1, no_match_distance<Descriptor>};
     if (camera.of.skip != nullptr && camera.of.skip[point] != 0) return trial;
     predicted_keypoint predicted;
     if (!predict(point, predicted, trial.outcome)) return trial;
     trial.level = static_cast<std::int16_t>(predicted.level);
-    duplicate_scan<Descriptor, Camera> scan(search, camera, predicted, point);
+    projection_scan<Descriptor, Camera> scan(search, camera, predicted, point);
     visit_window(search.keyframes[camera.of.target], camera.of.camera, predicted.pixel.x.value, predicted.pixel.y.value,
                  predicted.radius.value, scan);
     trial.keypoint = scan.best;
     trial.distance = scan.distance;
-    trial.outcome = scan.best >= 0   ? (scan.distance <= search.max_distance ? duplicate_outcome::matched
-                                                                             : duplicate_outcome::too_different)
-                    : scan.in_window ? duplicate_outcome::no_consistent_keypoint
-                                     : duplicate_outcome::no_keypoint;
+    trial.outcome = outcome_of(scan);
     return trial;
   }
 
  private:
+  TURBOMAP_HD projection_outcome outcome_of(const projection_scan<Descriptor, Camera>& scan) const {
+    if (scan.best < 0)
+      return scan.in_window ? projection_outcome::no_consistent_keypoint : projection_outcome::no_keypoint;
+    if (!(scan.distance <= search.max_distance)) return projection_outcome::too_different;
+    const double ratio = search.options.max_ratio;
+    if (ratio < 1 && decision(scan.distance) > decision(ratio) * decision(scan.second))
+      return projection_outcome::ambiguous;
+    return projection_outcome::matched;
+  }
+
   /// False, with the outcome, where the point cannot be seen. Bits tell what is not finite: -ffast-math assumes it
   /// away.
-  TURBOMAP_HD bool predict(int point, predicted_keypoint& predicted, duplicate_outcome& outcome) const {
-    const duplicate_options& options = search.options;
+  TURBOMAP_HD bool predict(int point, predicted_keypoint& predicted, projection_outcome& outcome) const {
+    const projection_options& options = search.options;
     const vec3<double>& position = search.points.position[point];
     const vec3<decision> X = cast<decision>(position), X_c = camera.T_cw * X;
-    outcome = duplicate_outcome::behind;
+    outcome = projection_outcome::behind;
     if (!finite(position) || !(X_c.z > decision(0))) return false;
 
-    outcome = duplicate_outcome::outside;
+    outcome = projection_outcome::outside;
     const auto& view = search.keyframes[camera.of.target];
     if (!view.cameras[camera.of.camera].camera.project(X_c, predicted.pixel)) return false;
     const image_bounds& b = view.cells.bounds;
@@ -123,7 +144,7 @@ struct duplicate_test {
     if (!(u >= decision(b.min_x) && u < decision(b.max_x) && v >= decision(b.min_y) && v < decision(b.max_y)))
       return false;
 
-    outcome = duplicate_outcome::out_of_range;
+    outcome = projection_outcome::out_of_range;
     const vec3<decision> ray = X - camera.centre;
     const decision distance = norm(ray);
     if (options.range_gate) {
@@ -132,11 +153,14 @@ struct duplicate_test {
       if (!(distance >= decision(least) && distance <= decision(largest))) return false;
     }
 
-    outcome = duplicate_outcome::oblique;
-    if (options.min_view_cosine > -1) {
+    outcome = projection_outcome::oblique;
+    bool frontal = true;
+    if (options.reads_normals()) {
       const vec3<float>& normal = search.points.normal[point];
-      if (!finite(normal) || !(dot(ray, cast<decision>(normal)) >= decision(options.min_view_cosine) * distance))
-        return false;
+      if (!finite(normal)) return false;
+      const decision along = dot(ray, cast<decision>(normal));
+      if (options.min_view_cosine > -1 && !(along >= decision(options.min_view_cosine) * distance)) return false;
+      frontal = along >= decision(options.oblique_cosine) * distance;
     }
 
     predicted.level = options.range_gate ? predicted_octave(decision(search.points.max_distance[point]), distance,
@@ -144,6 +168,7 @@ struct duplicate_test {
                                          : -1;
     const int window_octave = options.range_gate ? predicted.level : options.window_octave;
     predicted.radius = decision(options.radius) * decision(search.scale[window_octave]);
+    if (!frontal) predicted.radius = predicted.radius * decision(options.oblique_factor);
     predicted.u_right = camera.bf > decision(0) ? u - camera.bf / X_c.z : decision(0);
     return true;
   }

@@ -3,40 +3,40 @@
 #pragma once
 
 /// \file
-/// The duplicate search of one block of points in one camera: most points are told apart by a few operations
-/// (duplicate_prefilter.hpp), the others decided in full (duplicate_test.hpp).
+/// The search by projection of one block of points in one camera: most points are told apart by a few operations
+/// (projection_prefilter.hpp), the others decided in full (projection_test.hpp).
 
 #include <cstdint>
 
 #include "../config.hpp"
 #include "../context.hpp"
-#include "duplicate_prefilter.hpp"
-#include "duplicate_test.hpp"
-#include "duplicate_view.hpp"
+#include "projection_prefilter.hpp"
+#include "projection_test.hpp"
+#include "projection_view.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
 /// Index i = request * blocks + block: `BlockSize` points in one camera of one target.
 template <class Descriptor, class Camera, int BlockSize>
-struct duplicate_search {
+struct projection_search {
   using distance_type = typename Descriptor::distance_type;
 
-  duplicate_view<Descriptor, Camera> search;
+  projection_view<Descriptor, Camera> search;
 
   TURBOMAP_HD int blocks() const { return (search.points.count + BlockSize - 1) / BlockSize; }
 
   TURBOMAP_HD void operator()(int i) const {
     const int request = i / blocks(), first = i % blocks() * BlockSize;
     const int last = search.points.count - first < BlockSize ? search.points.count : first + BlockSize;
-    const duplicate_camera& camera = search.cameras[request];
+    const projection_camera& camera = search.cameras[request];
     const std::int64_t at = static_cast<std::int64_t>(request) * search.points.count;
-    const duplicate_test<Descriptor, Camera> test{search, camera};
-    for (int p = first; p < last; ++p) search.hits[at + p] = {-1, no_duplicate_distance<Descriptor>};
+    const projection_test<Descriptor, Camera> test{search, camera};
+    for (int p = first; p < last; ++p) search.hits[at + p] = {-1, no_match_distance<Descriptor>};
     if (search.trials != nullptr) {
       for (int p = first; p < last; ++p) store(at + p, search.trials[at + p] = test(p));
       return;
     }
-    const duplicate_prefilter<Descriptor, Camera> prefilter(search, camera);
+    const projection_prefilter<Descriptor, Camera> prefilter(search, camera);
     for (int p = first; p < last; ++p) {
       const bool skipped = camera.of.skip != nullptr && camera.of.skip[p] != 0;
       if (!skipped && prefilter.may_match(p)) store(at + p, test(p));
@@ -44,24 +44,24 @@ struct duplicate_search {
   }
 
  private:
-  TURBOMAP_HD void store(std::int64_t at, const duplicate_trial<distance_type>& trial) const {
-    if (trial.outcome == duplicate_outcome::matched) search.hits[at] = {trial.keypoint, trial.distance};
+  TURBOMAP_HD void store(std::int64_t at, const projection_trial<distance_type>& trial) const {
+    if (trial.outcome == projection_outcome::matched) search.hits[at] = {trial.keypoint, trial.distance};
   }
 };
 
 /// Points that a host looks at in a row, with the camera at hand: measured, no influence on results.
-inline constexpr int duplicate_block_size = 64;
+inline constexpr int projection_block_size = 64;
 
 /// Looks for every point in every camera.
 template <class Derived, class Descriptor, class Camera>
-void launch_search_duplicates(const thrust::execution_policy<Derived>& policy,
-                              const duplicate_view<Descriptor, Camera>& search) {
-  const duplicate_search<Descriptor, Camera, duplicate_block_size> body{search};
+void launch_search_projections(const thrust::execution_policy<Derived>& policy,
+                               const projection_view<Descriptor, Camera>& search) {
+  const projection_search<Descriptor, Camera, projection_block_size> body{search};
   for_each_index(derived(policy), search.request_count * body.blocks(), body);
 }
 
 TURBOMAP_END_NAMESPACE
 
 #if TURBOMAP_HAS_CUDA
-#include "cuda/search_duplicates.cuh"
+#include "cuda/search_projections.cuh"
 #endif

@@ -13,34 +13,35 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../math/scale_table.hpp"
-#include "duplicate_check.hpp"
-#include "duplicates.hpp"
+#include "projection_check.hpp"
+#include "projections.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
-/// Where the arguments of a duplicate search lie in their block. Points and skip bytes are in it only if `Copies`: else the
+/// Where the arguments of a search by projection lie in their block. Points and flags are in it only if `Copies`: else the
 /// policy reads the caller's.
 template <class Descriptor, class Camera, bool Copies>
-struct duplicate_inputs : packed_inputs {
+struct projection_inputs : packed_inputs {
   using element = typename Descriptor::element;
-  using target_type = duplicate_target<Descriptor, Camera>;
+  using target_type = projection_target<Descriptor, Camera>;
 
   input_slot<keyframe_view<Descriptor, Camera>> keyframes;
   input_slot<rigid_transform<double>> T_cw;
-  input_slot<duplicate_request> requests;
+  input_slot<projection_request> requests;
   input_slot<float> scale, sigma2;
   input_slot<vec3<double>> position;
   input_slot<vec3<float>> normal;
   input_slot<float> min_distance, max_distance;
   input_slot<element> descriptor;
-  input_slot<std::uint8_t> skip;
+  input_slot<std::uint8_t> flags;  ///< skip and taken of one target after the other
 
-  duplicate_inputs(const map_point_view<Descriptor>& points, span<const target_type> targets, std::size_t request_count)
+  projection_inputs(const map_point_view<Descriptor>& points, span<const target_type> targets,
+                    std::size_t request_count)
       : keyframes(place<keyframe_view<Descriptor, Camera>>(targets.size())),
         T_cw(place<rigid_transform<double>>(targets.size())),
-        requests(place<duplicate_request>(request_count)),
+        requests(place<projection_request>(request_count)),
         scale(place<float>(scale_table_size)),
         sigma2(place<float>(scale_table_size)) {
     if constexpr (!Copies) return;
@@ -51,9 +52,9 @@ struct duplicate_inputs : packed_inputs {
     min_distance = place<float>(size(points.min_distance));
     max_distance = place<float>(size(points.max_distance));
     descriptor = place<element>(size(points.descriptor) * Descriptor::elements);
-    std::size_t bytes = 0;
-    for (const target_type& t : targets) bytes += t.skip.size();
-    skip = place<std::uint8_t>(bytes);
+    std::size_t count = 0;
+    for (const target_type& t : targets) count += t.skip.size() + t.taken.size();
+    flags = place<std::uint8_t>(count);
   }
 
   /// The points as the policy reads them.
@@ -70,24 +71,26 @@ struct duplicate_inputs : packed_inputs {
             send(max_distance, p.max_distance),
             send(descriptor, p.descriptor)};
   }
-  /// Writes the targets, and lists their cameras.
-  void fill_targets(const upload_block& block, span<const target_type> targets, int point_count,
-                    std::vector<duplicate_request>& list) const {
-    std::size_t skipped = 0;
+  /// Writes the targets, and lists their cameras. \param claims  on the keypoints of all targets, or null
+  void fill_targets(const upload_block& block, span<const target_type> targets, int point_count, std::uint64_t* claims,
+                    std::vector<projection_request>& list) const {
+    std::size_t sent = 0;
+    const auto send = [&](span<const std::uint8_t> source) {
+      if (source.empty() || !Copies) return source.empty() ? nullptr : source.data();
+      std::memcpy(flags.host(block) + sent, source.data(), source.size());
+      sent += source.size();
+      return static_cast<const std::uint8_t*>(flags.resident(block) + sent - source.size());
+    };
     for (std::size_t i = 0; i < targets.size(); ++i) {
       const target_type& t = targets[i];
       keyframes.host(block)[i] = t.view;
       T_cw.host(block)[i] = t.T_cw;
-      const std::uint8_t* bytes = t.skip.empty() ? nullptr : t.skip.data();
-      if (Copies && bytes != nullptr) {
-        std::memcpy(skip.host(block) + skipped, bytes, t.skip.size());
-        bytes = skip.resident(block) + skipped;
-        skipped += t.skip.size();
+      const std::uint8_t *skip = send(t.skip), *taken = send(t.taken);
+      for (int c = 0; c < t.view.camera_count; ++c) {
+        const std::size_t before = static_cast<std::size_t>(c) * static_cast<std::size_t>(point_count);
+        list.push_back({static_cast<std::int32_t>(i), c, skip == nullptr ? nullptr : skip + before, taken, claims});
       }
-      for (int c = 0; c < t.view.camera_count; ++c)
-        list.push_back(
-            {static_cast<std::int32_t>(i), c,
-             bytes == nullptr ? nullptr : bytes + static_cast<std::size_t>(c) * static_cast<std::size_t>(point_count)});
+      if (claims != nullptr) claims += t.view.keypoint_count;
     }
     requests.copy(block, list.data());
   }
@@ -95,19 +98,19 @@ struct duplicate_inputs : packed_inputs {
 
 }  // namespace detail
 
-/// Checks, packs and sends the arguments of a duplicate search, and makes room for its results. Throws before anything of the
+/// Checks, packs and sends the arguments of a search by projection, and makes room for its results. Throws before anything of the
 /// previous result is touched.
 template <class Descriptor, class Camera, class Policy>
-duplicate_view<Descriptor, Camera> set_up_duplicate_search(
+projection_view<Descriptor, Camera> set_up_projection_search(
     context<Policy>& ctx, const map_point_view<Descriptor>& points,
-    span<const duplicate_target<Descriptor, Camera>> targets, const duplicate_options& options,
-    duplicate_buffers<Descriptor, memory_of_t<Policy>>& buffers) {
-  check_duplicate_options<Descriptor>(options);
+    span<const projection_target<Descriptor, Camera>> targets, const projection_options& options,
+    projection_buffers<Descriptor, memory_of_t<Policy>>& buffers) {
+  check_projection_options<Descriptor>(options);
   check_map_points(points, options);
-  const std::size_t requests = check_duplicate_targets(targets, points.count);
+  const std::size_t requests = check_projection_targets(targets, points.count);
   const auto count = static_cast<std::size_t>(points.count);
-  const detail::duplicate_inputs<Descriptor, Camera, !is_host_accessible_v<memory_of_t<Policy>>> inputs(points, targets,
-                                                                                                        requests);
+  const detail::projection_inputs<Descriptor, Camera, !is_host_accessible_v<memory_of_t<Policy>>> inputs(
+      points, targets, requests);
 
   buffers.clear();  // from here on memory may run out, and the arrays of the last result are replaced
   buffers.has_trials = false;
@@ -115,10 +118,15 @@ duplicate_view<Descriptor, Camera> set_up_duplicate_search(
   buffers.cameras.resize_discard(requests);
   buffers.hits.resize_discard(requests * count);
   if (options.keep_trials) buffers.trials.resize_discard(requests * count);
+  std::size_t keypoints = 0;
+  if (options.one_to_one)
+    for (const auto& t : targets) keypoints += static_cast<std::size_t>(t.view.keypoint_count);
+  buffers.claims.resize_discard(keypoints);
   const upload_block block = ctx.begin_upload(buffers.inputs, inputs.bytes());
-  duplicate_view<Descriptor, Camera> v;
+  projection_view<Descriptor, Camera> v;
   v.points = inputs.send_points(block, points);
-  inputs.fill_targets(block, targets, points.count, buffers.requests);
+  inputs.fill_targets(block, targets, points.count, options.one_to_one ? buffers.claims.data() : nullptr,
+                      buffers.requests);
   fill_scales(options.scales, inputs.scale.host(block), inputs.sigma2.host(block));
   ctx.send(block, inputs.bytes());
 
@@ -130,6 +138,8 @@ duplicate_view<Descriptor, Camera> set_up_duplicate_search(
   v.cameras = buffers.cameras.data();
   v.hits = buffers.hits.data();
   v.trials = options.keep_trials ? buffers.trials.data() : nullptr;
+  v.claims = buffers.claims.data();
+  v.claim_count = keypoints;
   v.target_count = static_cast<int>(targets.size());
   v.request_count = static_cast<int>(requests);
   v.max_distance = static_cast<typename Descriptor::distance_type>(options.max_distance);

@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// The result of a duplicate search: it stays where the policy runs; the plan, its host form, is asked for last.
+/// The result of a search by projection: it stays where the policy runs; the plan, its host form, is asked for last.
 
 #include <cstddef>
 #include <memory_resource>
@@ -13,28 +13,29 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
-#include "duplicate_view.hpp"
+#include "projection_view.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// The memory of one duplicate search, and what the host knows about it: filled by the search.
+/// The memory of one search by projection, and what the host knows about it: filled by the search.
 template <class Descriptor, class Memory>
-struct duplicate_buffers {
+struct projection_buffers {
   using distance_type = typename Descriptor::distance_type;
 
-  explicit duplicate_buffers(std::pmr::memory_resource* resource)
-      : inputs(resource), cameras(resource), hits(resource), trials(resource) {}
+  explicit projection_buffers(std::pmr::memory_resource* resource)
+      : inputs(resource), cameras(resource), hits(resource), trials(resource), claims(resource) {}
   /// No matches, of no point.
   void clear() {
     requests.clear();
     point_count = 0;
   }
 
-  array<std::byte, Memory> inputs;                       ///< the arguments of the call, packed
-  array<duplicate_camera, Memory> cameras;               ///< [request]
-  array<duplicate_hit<distance_type>, Memory> hits;      ///< [request][point]
-  array<duplicate_trial<distance_type>, Memory> trials;  ///< [request][point], with options.keep_trials
-  std::vector<duplicate_request> requests;               ///< cameras of all targets; `skip` is of the policy's memory
+  array<std::byte, Memory> inputs;                        ///< the arguments of the call, packed
+  array<projection_camera, Memory> cameras;               ///< [request]
+  array<projection_hit<distance_type>, Memory> hits;      ///< [request][point]
+  array<projection_trial<distance_type>, Memory> trials;  ///< [request][point], with options.keep_trials
+  array<std::uint64_t, Memory> claims;                    ///< on the keypoints of all targets, with options.one_to_one
+  std::vector<projection_request> requests;  ///< cameras of all targets; pointers are of the policy's memory
   int point_count = 0;
   bool has_trials = false;
 };
@@ -42,16 +43,16 @@ struct duplicate_buffers {
 /// Points found again in keyframes. Make one and use it for every call: its memory is reused. Move-only; not shared
 /// between threads.
 template <class Descriptor, class Camera, class Policy>
-class duplicates {
+class projections {
  public:
   using memory_type = memory_of_t<Policy>;
   using distance_type = typename Descriptor::distance_type;
-  using plan_type = std::vector<duplicate<distance_type>>;
-  using trials_type = std::vector<duplicate_trial<distance_type>>;
+  using plan_type = std::vector<projection_match<distance_type>>;
+  using trials_type = std::vector<projection_trial<distance_type>>;
 
-  explicit duplicates(const context<Policy>& ctx) : buffers_(ctx.resource()) {}
-  duplicates(duplicates&&) = default;
-  duplicates& operator=(duplicates&&) = default;
+  explicit projections(const context<Policy>& ctx) : buffers_(ctx.resource()) {}
+  projections(projections&&) = default;
+  projections& operator=(projections&&) = default;
 
   /// No matches: what is left where a call ran out of memory.
   void clear() { buffers_.clear(); }
@@ -65,10 +66,10 @@ class duplicates {
   }
   /// The same into a vector that is reused.
   void plan(context<Policy>& ctx, plan_type& result) const {
-    const duplicate_hit<distance_type>* hit = ctx.on_host(buffers_.hits.data(), size(), host_hits_);
+    const projection_hit<distance_type>* hit = ctx.on_host(buffers_.hits.data(), size(), host_hits_);
     ctx.synchronize();
     result.clear();
-    for (const duplicate_request& r : buffers_.requests)
+    for (const projection_request& r : buffers_.requests)
       for (int p = 0; p < buffers_.point_count; ++p, ++hit)
         if (hit->keypoint >= 0) result.push_back({r.target, r.camera, p, hit->keypoint, hit->distance});
   }
@@ -78,20 +79,20 @@ class duplicates {
   trials_type trials(context<Policy>& ctx) const {
     require(buffers_.has_trials, "options.keep_trials", buffers_.has_trials,
             "must be true in the search for its trials to be there");
-    const duplicate_trial<distance_type>* trial = ctx.on_host(buffers_.trials.data(), size(), host_trials_);
+    const projection_trial<distance_type>* trial = ctx.on_host(buffers_.trials.data(), size(), host_trials_);
     ctx.synchronize();
     return trials_type(trial, trial + size());
   }
 
   /// For the search, which fills them.
-  duplicate_buffers<Descriptor, memory_type>& buffers() { return buffers_; }
+  projection_buffers<Descriptor, memory_type>& buffers() { return buffers_; }
 
  private:
   std::size_t size() const { return buffers_.requests.size() * static_cast<std::size_t>(buffers_.point_count); }
 
-  duplicate_buffers<Descriptor, memory_type> buffers_;
-  mutable std::vector<duplicate_hit<distance_type>> host_hits_;
-  mutable std::vector<duplicate_trial<distance_type>> host_trials_;
+  projection_buffers<Descriptor, memory_type> buffers_;
+  mutable std::vector<projection_hit<distance_type>> host_hits_;
+  mutable std::vector<projection_trial<distance_type>> host_trials_;
 };
 
 TURBOMAP_END_NAMESPACE

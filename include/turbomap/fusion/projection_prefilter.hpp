@@ -9,7 +9,7 @@
 #include <cmath>
 
 #include "../config.hpp"
-#include "duplicate_test.hpp"
+#include "projection_test.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -25,7 +25,9 @@ constexpr double well_conditioned = 1e5;
 /// Stops at the first keypoint that could become a match.
 template <class Descriptor, class Camera>
 struct hopeful_scan {
+  const projection_options& options;
   const keyframe_view<Descriptor, Camera>& view;
+  const std::uint8_t* taken;
   const float* scale;
   const typename Descriptor::element* descriptor;
   typename Descriptor::distance_type max_distance;
@@ -36,10 +38,17 @@ struct hopeful_scan {
 
   TURBOMAP_HD bool operator()(int keypoint) {
     const int octave = view.octave[keypoint];
-    if (level >= 0 && (octave > level || octave < level - 1)) return false;
+    if (level >= 0 && !options.is_candidate(octave, level)) return false;
+    if (taken != nullptr && taken[keypoint] != 0) return false;
     const double du = static_cast<double>(view.pixel[keypoint].x) - u;
     const double dv = static_cast<double>(view.pixel[keypoint].y) - v;
     if (du >= radius || -du >= radius || dv >= radius || -dv >= radius) return false;
+    if (options.gate == projection_gate::all && !may_fit(keypoint, du, dv, octave)) return false;
+    hope = Descriptor::distance(descriptor, view.descriptor_of(keypoint)) <= max_distance;
+    return hope;
+  }
+
+  TURBOMAP_HD bool may_fit(int keypoint, double du, double dv, int octave) const {
     double error = du * du + dv * dv, root = mono_root;
     if (stereo && view.is_stereo(keypoint)) {
       const double dr = static_cast<double>(view.u_right[keypoint]) - u_right;
@@ -47,9 +56,7 @@ struct hopeful_scan {
       root = stereo_root;
     }
     root = root * static_cast<double>(scale[octave]) * (1 + loose) + 2 * loose_pixels;  // shifts of three residuals
-    if (error > root * root) return false;
-    hope = Descriptor::distance(descriptor, view.descriptor_of(keypoint)) <= max_distance;
-    return hope;
+    return !(error > root * root);
   }
 };
 
@@ -57,13 +64,15 @@ struct hopeful_scan {
 
 /// For one camera of one target. Points that are not finite may get either answer: they never match.
 template <class Descriptor, class Camera>
-class duplicate_prefilter {
+class projection_prefilter {
  public:
-  TURBOMAP_HD duplicate_prefilter(const duplicate_view<Descriptor, Camera>& search, const duplicate_camera& camera)
+  TURBOMAP_HD projection_prefilter(const projection_view<Descriptor, Camera>& search, const projection_camera& camera)
       : search_(search),
         view_(search.keyframes[camera.of.target]),
         camera_(view_.cameras[camera.of.camera]),
         index_(camera.of.camera),
+        taken_(camera.of.taken),
+        widest_(search.options.radius * (search.options.oblique_factor > 1 ? search.options.oblique_factor : 1)),
         centre_{camera.centre.x.value, camera.centre.y.value, camera.centre.z.value},
         t_{camera.T_cw.t.x.value, camera.T_cw.t.y.value, camera.T_cw.t.z.value},
         offset_(std::abs(t_.x) + std::abs(t_.y) + std::abs(t_.z)),
@@ -76,7 +85,7 @@ class duplicate_prefilter {
   /// False: the point certainly has no match.
   TURBOMAP_HD bool may_match(int point) const {
     using detail::loose;
-    const duplicate_options& options = search_.options;
+    const projection_options& options = search_.options;
     const vec3<double>& X = search_.points.position[point];
     // Not from the ray: a quaternion that is not quite of unit length is used as it is, and its matrix is no rotation
     // then.
@@ -103,7 +112,7 @@ class duplicate_prefilter {
 
  private:
   TURBOMAP_HD bool may_match(int point, const vec3<double>& X_c, double distance) const {
-    const duplicate_options& options = search_.options;
+    const projection_options& options = search_.options;
     vec2<double> p;
     if (!camera_.camera.project(X_c, p)) return true;
     const double m = detail::loose_pixels;
@@ -122,9 +131,11 @@ class duplicate_prefilter {
         return true;
     }
     const double s = static_cast<double>(search_.scale[options.range_gate ? level : options.window_octave]);
-    const double radius = options.radius * s * (1 + detail::loose) + m;
+    const double radius = widest_ * s * (1 + detail::loose) + m;
     const double u_right = bf_ > 0 ? p.x - bf_ / X_c.z : 0;
-    detail::hopeful_scan<Descriptor, Camera> scan{view_,
+    detail::hopeful_scan<Descriptor, Camera> scan{options,
+                                                  view_,
+                                                  taken_,
                                                   search_.scale,
                                                   search_.descriptor_of(point),
                                                   search_.max_distance,
@@ -140,10 +151,12 @@ class duplicate_prefilter {
     return scan.hope;
   }
 
-  const duplicate_view<Descriptor, Camera>& search_;
+  const projection_view<Descriptor, Camera>& search_;
   const keyframe_view<Descriptor, Camera>& view_;
   const rig_camera<Camera>& camera_;
   int index_;
+  const std::uint8_t* taken_;
+  double widest_;  ///< px at octave 0
   mat3<double> R_;
   vec3<double> centre_, t_;
   double offset_;
