@@ -21,6 +21,7 @@
 #include "camera/double_sphere.hpp"
 #include "camera/kannala_brandt.hpp"
 #include "camera/pinhole.hpp"
+#include "camera/point_uncertainty.hpp"
 #include "camera/rig.hpp"
 #include "config.hpp"
 #include "context.hpp"

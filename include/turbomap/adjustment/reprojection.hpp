@@ -10,9 +10,8 @@
 #include <cmath>
 #include <cstdint>
 
-#include "../camera/camera_concept.hpp"
+#include "../camera/project_with_derivative.hpp"
 #include "../config.hpp"
-#include "../math/dual.hpp"
 #include "../math/functions.hpp"
 #include "../math/linear.hpp"
 #include "../math/pack_convert.hpp"
@@ -20,21 +19,6 @@
 #include "adjustment_camera.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
-
-/// Pixel and derivative of one point in camera coordinates; dual numbers where the model has no derivative.
-template <class Camera>
-TURBOMAP_HD bool project_with_derivative(const Camera& camera, const vec3<double>& p, vec2<double>& pixel,
-                                         mat23<double>& d) {
-  if (!camera.project(p, pixel)) return false;
-  if constexpr (has_jacobian_v<Camera>) {
-    if (camera.jacobian(p, d)) return true;
-  }
-  using D = dual<3>;
-  vec2<D> q;
-  if (!camera.project(vec3<D>{D::variable(p.x, 0), D::variable(p.y, 1), D::variable(p.z, 2)}, q)) return false;
-  for (int i = 0; i < 3; ++i) d(0, i) = q.x.d[i], d(1, i) = q.y.d[i];
-  return true;
-}
 
 template <class T, int N>
 TURBOMAP_HD vec3<pack<T, N>> transform(const isometry<double>& T_ab, const vec3<pack<T, N>>& x) {

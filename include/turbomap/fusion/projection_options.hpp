@@ -78,6 +78,7 @@ struct map_point_view {
   const float* min_distance = nullptr;  ///< count; m, the range in which the pyramid sees the point, before any factor
   const float* max_distance = nullptr;  ///< count
   const typename Descriptor::element* descriptor = nullptr;  ///< count * Descriptor::elements
+  const point_covariance* covariance = nullptr;              ///< count; how well positions are known. Null: exact
 };
 
 /// A frame or keyframe in which the points are looked for.

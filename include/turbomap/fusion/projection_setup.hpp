@@ -36,6 +36,7 @@ struct projection_inputs : packed_inputs {
   input_slot<float> min_distance, max_distance;
   input_slot<element> descriptor;
   input_slot<std::uint8_t> flags;  ///< skip and taken of one target after the other
+  input_slot<point_covariance> covariance;
 
   projection_inputs(const map_point_view<Descriptor>& points, span<const target_type> targets,
                     std::size_t request_count)
@@ -52,6 +53,7 @@ struct projection_inputs : packed_inputs {
     min_distance = place<float>(size(points.min_distance));
     max_distance = place<float>(size(points.max_distance));
     descriptor = place<element>(size(points.descriptor) * Descriptor::elements);
+    covariance = place<point_covariance>(size(points.covariance));
     std::size_t count = 0;
     for (const target_type& t : targets) count += t.skip.size() + t.taken.size();
     flags = place<std::uint8_t>(count);
@@ -69,7 +71,8 @@ struct projection_inputs : packed_inputs {
             send(normal, p.normal),
             send(min_distance, p.min_distance),
             send(max_distance, p.max_distance),
-            send(descriptor, p.descriptor)};
+            send(descriptor, p.descriptor),
+            send(covariance, p.covariance)};
   }
   /// Writes the targets, and lists their cameras. \param claims  on the keypoints of all targets, or null
   void fill_targets(const upload_block& block, span<const target_type> targets, int point_count, std::uint64_t* claims,

@@ -1,0 +1,80 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// How well a point is known from its views, as a textbook has it: numeric derivatives, sums and inverses in Eigen.
+
+#include <turbomap/types.hpp>
+
+#include <algorithm>
+#include <vector>
+
+#include "two_views.hpp"
+
+namespace turbomap_test {
+
+/// One view of a point.
+template <class Camera>
+struct oracle_view {
+  Camera camera;
+  oracle_pose T_cw;
+  double bf = 0;  ///< 0: no u_right
+  double sigma2 = 1;
+  double correlation = 0;
+
+  int size() const { return bf > 0 ? 3 : 2; }
+  /// u, v and, with a right image, u_right.
+  Eigen::VectorXd operator()(const Eigen::Vector3d& X) const {
+    const Eigen::Vector3d x = T_cw * X;
+    turbomap::vec2<double> p{};
+    if (!camera.project(turbomap::vec3<double>{x.x(), x.y(), x.z()}, p)) return Eigen::VectorXd::Zero(0);
+    Eigen::VectorXd e(size());
+    e(0) = p.x, e(1) = p.y;
+    if (bf > 0) e(2) = p.x - bf / x.z();
+    return e;
+  }
+  /// By central differences of 1e-5 m.
+  Eigen::MatrixXd derivative(const Eigen::Vector3d& X) const {
+    Eigen::MatrixXd J(size(), 3);
+    for (int i = 0; i < 3; ++i) {
+      const Eigen::Vector3d h = 1e-5 * Eigen::Vector3d::Unit(i);
+      J.col(i) = ((*this)(X + h) - (*this)(X - h)) / 2e-5;
+    }
+    return J;
+  }
+  Eigen::MatrixXd noise() const {
+    Eigen::MatrixXd N = sigma2 * Eigen::MatrixXd::Identity(size(), size());
+    if (bf > 0) N(0, 2) = N(2, 0) = correlation * sigma2;
+    return N;
+  }
+};
+
+/// The inverse of the sum of all views' information, and that a point lies within its own distance of the farthest camera.
+template <class Camera>
+Eigen::Matrix3d oracle_point_covariance(const std::vector<oracle_view<Camera>>& views, const Eigen::Vector3d& X) {
+  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+  double distance = 0;
+  for (const auto& v : views) {
+    distance = std::max(distance, (v.T_cw * X).norm());
+    if (v(X).size() == 0) continue;
+    const Eigen::MatrixXd J = v.derivative(X), N = v.noise();
+    information += J.transpose() * N.inverse() * J;
+  }
+  return (information + Eigen::Matrix3d::Identity() / (distance * distance)).inverse();
+}
+
+/// Covariance of the difference between a pixel of the view and the projection of a point known to Sigma.
+template <class Camera>
+Eigen::MatrixXd oracle_spread(const oracle_view<Camera>& view, const Eigen::Vector3d& X, const Eigen::Matrix3d& Sigma) {
+  const Eigen::MatrixXd J = view.derivative(X);
+  return view.noise() + J * Sigma * J.transpose();
+}
+
+inline Eigen::Matrix3d to_eigen(const turbomap::point_covariance& c) {
+  Eigen::Matrix3d C;
+  C << c.xx, c.yx, c.zx, c.yx, c.yy, c.zy, c.zx, c.zy, c.zz;
+  return C;
+}
+
+}  // namespace turbomap_test
