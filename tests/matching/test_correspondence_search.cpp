@@ -63,6 +63,24 @@ TEST_CASE("other thresholds") {
   check_motions<sequential>(fisheye_rig(), 130, 50, options, exact);
 }
 
+TEST_CASE_TEMPLATE("the cameras of a rig match with each other where that is asked for", Policy,
+                   TURBOMAP_TEST_POLICIES) {
+  search_options options;
+  options.across_rig = true;
+  check_motions<Policy>(fisheye_rig(), 130, 500, options);
+  check_motions<Policy>(fisheye_rig(3), 140, 300, options);
+  check_motions<Policy>(mixed_rig(), 150, 300, options);
+  scene_recipe recipe;  // the search without is the same but for the last neighbour, which a single camera has not
+  scene<orb, fisheye_camera> rig(fisheye_rig(), recipe);
+  auto with = search_under(Policy{}, rig, options);
+  const auto own = std::find_if(with.begin(), with.end(), [&](auto& m) { return m.neighbour == recipe.neighbours; });
+  CHECK(own != with.end());
+  with.erase(own, with.end());
+  CHECK(same(with, search_under(Policy{}, rig, {})));
+  scene<orb, pinhole_camera> single(pinhole_rig(), recipe);
+  CHECK(same(search_under(Policy{}, single, options), search_under(Policy{}, single, {})));
+}
+
 TEST_CASE("any relative pose") {
   tally t;
   for (unsigned seed = 0; seed < 15; ++seed) {

@@ -80,8 +80,11 @@ bool oracle_consistent(const oracle_pair& pair, const turbomap::keyframe_view<De
 template <class Descriptor, class Camera>
 std::vector<turbomap::correspondence<typename Descriptor::distance_type>> search_oracle(
     const turbomap::posed_keyframe<Descriptor, Camera>& query,
-    turbomap::span<const turbomap::posed_keyframe<Descriptor, Camera>> neighbours,
-    const turbomap::search_options& options, std::vector<doubtful_result>* doubtful = nullptr) {
+    turbomap::span<const turbomap::posed_keyframe<Descriptor, Camera>> given, const turbomap::search_options& options,
+    std::vector<doubtful_result>* doubtful = nullptr) {
+  std::vector<turbomap::posed_keyframe<Descriptor, Camera>> neighbours(given.begin(), given.end());
+  const bool across_rig = options.across_rig && query.view.camera_count > 1;
+  if (across_rig) neighbours.push_back(query);
   using distance_type = typename Descriptor::distance_type;
   const bool grouped = options.candidate_set == turbomap::candidates::grouped;
   const auto free = [](const auto& keyframe, int i) {
@@ -108,6 +111,7 @@ std::vector<turbomap::correspondence<typename Descriptor::distance_type>> search
         if (!free(neighbour, j) || (grouped && neighbour_group[static_cast<std::size_t>(j)] != group)) continue;
         const auto distance = Descriptor::distance(query.view.descriptor_of(i), neighbour.view.descriptor_of(j));
         if (distance > best_distance) continue;
+        if (across_rig && n == given.size() && query.view.camera_of(i) == query.view.camera_of(j)) continue;
         const bool tie = best >= 0 && distance == best_distance;
         if (tie && options.ties == turbomap::tie_rule::lowest_index) continue;  // j ascends
         const auto& pair = pairs_of_i[static_cast<std::size_t>(neighbour.view.camera_of(j))];

@@ -77,7 +77,9 @@ class match_judge {
     std::size_t correct = 0;
     for (const auto& m : plan) {
       const std::int32_t a = truth(keyframes[0], m.query);
-      const std::int32_t b = truth(keyframes[static_cast<std::size_t>(m.neighbour) + 1], m.candidate);
+      // The last neighbour may be the query itself: search_options::across_rig.
+      const std::size_t neighbour = (static_cast<std::size_t>(m.neighbour) + 1) % keyframes.size();
+      const std::int32_t b = truth(keyframes[neighbour], m.candidate);
       correct += a >= 0 && a == b ? 1 : 0;
     }
     return correct;

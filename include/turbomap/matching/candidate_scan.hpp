@@ -51,8 +51,9 @@ class candidate_scan {
 
   /// The geometric test alone.
   TURBOMAP_HD bool consistent(std::int32_t candidate) {
-    const int b = neighbour_.camera_of(candidate);
-    const pair_geometry& g = search_.pair(n_, query_.camera_of(keypoint_), b);
+    const int a = query_.camera_of(keypoint_), b = neighbour_.camera_of(candidate);
+    if (!search_.compares(n_, a, b)) return false;
+    const pair_geometry& g = search_.pair(n_, a, b);
     if (b != prepared_camera_) {
       epipolar_ = make_query_epipolar(g, query_, keypoint_);
       prepared_camera_ = b;

@@ -25,14 +25,15 @@ TURBOMAP_BEGIN_NAMESPACE
 ///         with one neighbour; `result` is unchanged
 template <class Descriptor, class Camera, class Policy>
 void given_correspondences(context<Policy>& ctx, const posed_keyframe<Descriptor, Camera>& query,
-                           span<const posed_keyframe<Descriptor, Camera>> neighbours,
+                           span<const posed_keyframe<Descriptor, Camera>> given,
                            span<const correspondence<typename Descriptor::distance_type>> matches,
                            const search_options& options, correspondences<Descriptor, Camera, Policy>& result) {
   const auto mapped = [](const posed_keyframe<Descriptor, Camera>& k, std::int32_t keypoint) {
     return !k.has_point.empty() && k.has_point[static_cast<std::size_t>(keypoint)] != 0;
   };
   ctx.begin_call();
-  check_search(ctx, query, neighbours, options);
+  check_search(ctx, query, given, options);
+  const detail::searched_neighbours<Descriptor, Camera> neighbours(query, given, options);
   std::vector<std::int32_t> slot(static_cast<std::size_t>(query.view.keypoint_count), no_match);
   std::int32_t slots = 0;
   for (std::int32_t i = 0; i < query.view.keypoint_count; ++i)
@@ -58,7 +59,7 @@ void given_correspondences(context<Policy>& ctx, const posed_keyframe<Descriptor
     distance[at] = m.distance;
   }
   try {
-    set_up_search(ctx, query, neighbours, options, result.buffers());
+    set_up_search(ctx, query, given, options, result.buffers());
     launch_prepare_pairs(ctx.policy(), result.view());
     const auto& search = result.view();
     copy_in(ctx.policy(), search.match, candidate.data(), count * sizeof(std::int32_t));

@@ -88,8 +88,8 @@ struct build_ordered_table {
     const int n = i / (search.neighbour_cameras * search.query_cameras);
     epipolar_table table = tables.view(n, a, b);
     const std::int64_t slice = table.candidates - tables.sorted;
-    const int count =
-        b < search.neighbour(n).camera_count ? collect(n, a, b, tables.keypoints + slice, tables.intervals + slice) : 0;
+    const bool used = b < search.neighbour(n).camera_count && search.compares(n, a, b);
+    const int count = used ? collect(n, a, b, tables.keypoints + slice, tables.intervals + slice) : 0;
     table.build(tables.keypoints + slice, tables.intervals + slice, tables.keys + slice, count);
     if (tables.descriptors == nullptr) return;
     auto* descriptors = tables.descriptors + slice * Descriptor::elements;

@@ -39,6 +39,9 @@ struct search_options {
   double line_chi2 = 3.84;           ///< gate of (distance to the epipolar line)^2 / sigma2: 95 %, 1 dof
   double reprojection_chi2 = 5.991;  ///< gate of reprojection error^2 / sigma2 (curved images): 95 %, 2 dof
   double max_parallax_cosine = 0.9998;  ///< curved images: rays closer to parallel are no match
+  /// The cameras of the query's rig are matched with each other too: the query is one more neighbour, the last. For
+  /// join_tracks(), which then has one track of what two cameras of the rig see.
+  bool across_rig = false;
 };
 
 /// One match: keypoint `query` of the query keyframe and keypoint `candidate` of neighbour number `neighbour`.

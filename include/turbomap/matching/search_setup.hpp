@@ -37,6 +37,19 @@ std::int32_t list_unmapped(const posed_keyframe<Descriptor, Camera>& k, std::int
     if (k.has_point.empty() || k.has_point[static_cast<std::size_t>(i)] == 0) list[count++] = i;
   return count;
 }
+/// The neighbours of a call: those that were given and, last, the query itself where its cameras are matched.
+template <class Descriptor, class Camera>
+struct searched_neighbours {
+  using posed = posed_keyframe<Descriptor, Camera>;
+  const posed& query;
+  span<const posed> given;
+  bool across_rig;
+
+  searched_neighbours(const posed& q, span<const posed> neighbours, const search_options& options)
+      : query(q), given(neighbours), across_rig(options.across_rig && q.view.camera_count > 1) {}
+  std::size_t size() const { return given.size() + (across_rig ? 1 : 0); }
+  const posed& operator[](std::size_t n) const { return n < given.size() ? given[n] : query; }
+};
 inline void check_size(const char* name, std::int64_t size, std::int64_t factor = 1) {
   require(size * factor < (std::int64_t{1} << 31), name, size, "must be below 2^31 in one call");
 }
@@ -61,11 +74,10 @@ struct search_inputs : packed_inputs {
         sigma2(place<float>(scale_table_size)),
         has_point(place<std::uint8_t>(static_cast<std::size_t>(keypoints))) {}
 
-  void fill(const upload_block& block, const posed_keyframe<Descriptor, Camera>& query,
-            span<const posed_keyframe<Descriptor, Camera>> neighbours, const std::int32_t* query_list,
-            const pyramid& scales) const {
-    keyframes.host(block)[0] = query.view;
-    T_cw.host(block)[0] = query.T_cw;
+  void fill(const upload_block& block, const searched_neighbours<Descriptor, Camera>& neighbours,
+            const std::int32_t* query_list, const pyramid& scales) const {
+    keyframes.host(block)[0] = neighbours.query.view;
+    T_cw.host(block)[0] = neighbours.query.T_cw;
     queries.copy(block, query_list);
     std::int32_t masks = 0, listed = 0;
     for (std::size_t n = 0; n < neighbours.size(); ++n) {
@@ -104,14 +116,16 @@ struct search_inputs : packed_inputs {
 /// result is touched.
 template <class Descriptor, class Camera, class Policy>
 void set_up_search(context<Policy>& ctx, const posed_keyframe<Descriptor, Camera>& query,
-                   span<const posed_keyframe<Descriptor, Camera>> neighbours, const search_options& options,
+                   span<const posed_keyframe<Descriptor, Camera>> given, const search_options& options,
                    search_buffers<Descriptor, Camera, memory_of_t<Policy>>& buffers) {
-  check_search(ctx, query, neighbours, options);
+  check_search(ctx, query, given, options);
+  const detail::searched_neighbours<Descriptor, Camera> neighbours(query, given, options);
   const int neighbour_count = static_cast<int>(neighbours.size()), query_cameras = query.view.camera_count;
   int cameras = 1;
   std::int64_t keypoints = 0, candidate_count = 0;
   bool has_angles = query.view.angle != nullptr;
-  for (const posed_keyframe<Descriptor, Camera>& n : neighbours) {
+  for (std::size_t i = 0; i < neighbours.size(); ++i) {
+    const posed_keyframe<Descriptor, Camera>& n = neighbours[i];
     cameras = n.view.camera_count > cameras ? n.view.camera_count : cameras;
     keypoints += n.view.keypoint_count;
     candidate_count += detail::count_unmapped(n);
@@ -136,7 +150,7 @@ void set_up_search(context<Policy>& ctx, const posed_keyframe<Descriptor, Camera
   const upload_block block = ctx.begin_upload(buffers.inputs, inputs.bytes());
   buffers.queries.resize(static_cast<std::size_t>(slots));
   detail::list_unmapped(query, buffers.queries.data());
-  inputs.fill(block, query, neighbours, buffers.queries.data(), options.scales);
+  inputs.fill(block, neighbours, buffers.queries.data(), options.scales);
   ctx.send(block, inputs.bytes());
 
   inputs.view(block, v);
@@ -147,6 +161,7 @@ void set_up_search(context<Policy>& ctx, const posed_keyframe<Descriptor, Camera
   v.slot_count = static_cast<int>(slots);
   v.query_cameras = query_cameras;
   v.neighbour_cameras = cameras;
+  v.own_neighbour = neighbours.across_rig ? neighbour_count - 1 : -1;
   v.max_distance = static_cast<typename Descriptor::distance_type>(options.max_distance);
   v.options = options;
   buffers.neighbour_keypoints = static_cast<std::size_t>(keypoints);

@@ -39,11 +39,16 @@ struct search_view {
   int slot_count;
   int query_cameras;
   int neighbour_cameras;  ///< the most of any neighbour
+  int own_neighbour;      ///< the number under which the query is its own neighbour; -1: it is not
   distance_type max_distance;
   search_options options;
 
   TURBOMAP_HD const keyframe_view<Descriptor, Camera>& query() const { return keyframes[0]; }
   TURBOMAP_HD const keyframe_view<Descriptor, Camera>& neighbour(int n) const { return keyframes[1 + n]; }
+  /// Whether two cameras are compared: of the query with itself, different ones only.
+  TURBOMAP_HD bool compares(int n, int query_camera, int neighbour_camera) const {
+    return n != own_neighbour || query_camera != neighbour_camera;
+  }
   TURBOMAP_HD pair_geometry& pair(int n, int query_camera, int neighbour_camera) const {
     return pairs[(n * query_cameras + query_camera) * neighbour_cameras + neighbour_camera];
   }

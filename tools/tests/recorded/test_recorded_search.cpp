@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "matching/matching_cases.hpp"
+#include "matching/tracks_cases.hpp"
 #include "support/policies.hpp"
 #include "support/support.hpp"
 
@@ -30,6 +31,7 @@ struct totals {
   long pairs = 0, missing = 0, extra = 0;  // grouped search, the peer's batch pairs
   long exhaustive = 0, ordered_differs = 0, grouped_lost = 0, policies_differ = 0;
   long oracle_doubtful = 0, oracle_differs = 0;
+  long tracks = 0, contradictions = 0, tracks_differ = 0;
   long created = 0, outcome_differs = 0, position_differs = 0;
 };
 
@@ -103,14 +105,17 @@ class replayed {
     const auto all = search(sequential{}, query, neighbours, candidates::exhaustive);
     totals_.exhaustive += static_cast<long>(all.size());
     totals_.ordered_differs += same(search(sequential{}, query, neighbours, candidates::epipolar_ordered), all) ? 0 : 1;
-    totals_.policies_differ += same(search(turbomap_test::parallel{}, query, neighbours, candidates::epipolar_ordered), all) ? 0 : 1;
-    totals_.policies_differ += same(search(turbomap_test::parallel{}, query, neighbours, candidates::grouped), grouped) ? 0 : 1;
+    totals_.policies_differ +=
+        same(search(turbomap_test::parallel{}, query, neighbours, candidates::epipolar_ordered), all) ? 0 : 1;
+    totals_.policies_differ +=
+        same(search(turbomap_test::parallel{}, query, neighbours, candidates::grouped), grouped) ? 0 : 1;
     std::map<std::array<int, 2>, int> distance;
     for (const auto& m : all) distance[{m.neighbour, m.query}] = m.distance;
     for (const auto& m : grouped) {
       const auto found = distance.find({m.neighbour, m.query});
       totals_.grouped_lost += found == distance.end() || found->second > m.distance ? 1 : 0;
     }
+    check_tracks(query, neighbours);
     for (const auto set : {candidates::grouped, candidates::exhaustive}) {
       std::vector<doubtful_result> doubtful;
       const auto oracle =
@@ -119,6 +124,23 @@ class replayed {
       totals_.oracle_differs += count_differences(oracle, set == candidates::grouped ? grouped : all, doubtful,
                                                   [](auto& a, auto& b) { return same(a, b); });
     }
+  }
+
+  /// All matches, those across the rig too, joined as the oracle joins them.
+  void check_tracks(const posed& query, const std::vector<posed>& neighbours) {
+    turbomap::context<sequential> ctx{};
+    auto across = options(candidates::epipolar_ordered);
+    across.across_rig = true;
+    const auto found = turbomap::search_correspondences(ctx, query, turbomap::span<const posed>(neighbours), across);
+    turbomap::match_tracks<orb, Camera, sequential> joined(ctx);
+    turbomap::join_tracks(ctx, found, joined);
+    const auto camera_of = [&](int keyframe, int keypoint) {
+      return (keyframe == 0 ? query : neighbours[static_cast<std::size_t>(keyframe) - 1]).view.camera_of(keypoint);
+    };
+    const auto expected = tracks_oracle(joined.plan(), camera_of, found.view().own_neighbour);
+    totals_.tracks += static_cast<long>(expected.tracks.size());
+    for (const auto o : expected.outcomes) totals_.contradictions += o == turbomap::match_outcome::joined ? 0 : 1;
+    totals_.tracks_differ += same_tracks(expected, joined.tracks()) ? 0 : 1;
   }
 
   /// The peer's own pairs (one neighbour after the other, masks changing) are put in place of the search's.
@@ -183,8 +205,9 @@ TEST_CASE("recorded searches and points are reproduced exactly") {
     if (!directory) continue;
     const totals t = replay(*directory);
     CAPTURE(std::string(name));
-    MESSAGE(std::string(name) << ": " << t.pairs << " grouped pairs, " << t.exhaustive << " exhaustive, " << t.created
-                              << " created, " << t.oracle_doubtful << " doubtful");
+    MESSAGE(std::string(name) << ": " << t.pairs << " grouped pairs, " << t.exhaustive << " exhaustive, " << t.tracks
+                              << " tracks, " << t.contradictions << " contradictions, " << t.created << " created, "
+                              << t.oracle_doubtful << " doubtful");
     CHECK(t.pairs > 100);
     CHECK(t.missing == 0);
     CHECK(t.extra == 0);
@@ -194,6 +217,9 @@ TEST_CASE("recorded searches and points are reproduced exactly") {
     CHECK(t.grouped_lost == 0);
     CHECK(t.oracle_differs == 0);
     CHECK(t.oracle_doubtful * 100 <= t.exhaustive);
+    CHECK(t.tracks > 100);
+    CHECK(t.contradictions > 10);
+    CHECK(t.tracks_differ == 0);
     CHECK(t.created > 100);
     CHECK(t.outcome_differs == 0);
     CHECK(t.position_differs == 0);

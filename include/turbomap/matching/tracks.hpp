@@ -1,0 +1,98 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Tracks: which keypoints of a keyframe and its neighbours show one point of the scene. A search gives matches of pairs of
+/// keyframes; matches that share a keypoint belong together, so a landmark that five keyframes see becomes one track of five
+/// views. Two keypoints of one camera image cannot show the same point: a match that would say so is left out.
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "../array.hpp"
+#include "../config.hpp"
+#include "../context.hpp"
+#include "correspondences.hpp"
+#include "track_joiner.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Index = result of the search: the cameras that its two keypoints are of.
+template <class Descriptor, class Camera>
+struct look_up_cameras {
+  search_view<Descriptor, Camera> search;
+  match_cameras* cameras;
+
+  TURBOMAP_HD void operator()(int i) const {
+    if (search.match[i] == no_match) return;
+    const int query = search.queries[i % search.slot_count];
+    cameras[i] = {static_cast<std::uint8_t>(search.query().camera_of(query)),
+                  static_cast<std::uint8_t>(search.neighbour(i / search.slot_count).camera_of(search.match[i]))};
+  }
+};
+
+/// Cameras of the keypoints of all matches.
+template <class Derived, class Descriptor, class Camera>
+void launch_look_up_cameras(const thrust::execution_policy<Derived>& policy,
+                            const search_view<Descriptor, Camera>& search, match_cameras* cameras) {
+  for_each_index(derived(policy), search.neighbour_count * search.slot_count,
+                 look_up_cameras<Descriptor, Camera>{search, cameras});
+}
+
+/// The tracks of one search, on the host. Make one and use it for every call: its memory is reused. Move-only.
+template <class Descriptor, class Camera, class Policy>
+class match_tracks {
+ public:
+  using matches_type = correspondences<Descriptor, Camera, Policy>;
+
+  explicit match_tracks(const context<Policy>& ctx) : cameras_(ctx.resource()) {}
+
+  /// See join_tracks().
+  void join(context<Policy>& ctx, const matches_type& matches) {
+    matches.plan(ctx, plan_);
+    const auto& search = matches.view();
+    match_cameras_.clear();
+    if (!plan_.empty() && (search.query_cameras > 1 || search.neighbour_cameras > 1)) read_cameras(ctx, matches);
+    join_(plan_, match_cameras_, search.own_neighbour, tracks_);
+  }
+
+  const track_list& tracks() const { return tracks_; }
+  /// The matches that were joined, in (neighbour, query keypoint) order: tracks().outcomes says what became of each.
+  const typename matches_type::plan_type& plan() const { return plan_; }
+
+ private:
+  void read_cameras(context<Policy>& ctx, const matches_type& matches) {
+    const auto& search = matches.view();
+    const auto count = static_cast<std::size_t>(matches.size());
+    cameras_.resize_discard(count);
+    launch_look_up_cameras(ctx.policy(), search, cameras_.data());
+    const match_cameras* all = ctx.on_host(cameras_.data(), count, host_cameras_);
+    const std::int32_t* match = ctx.on_host(search.match, count, host_match_);
+    ctx.synchronize();
+    for (std::size_t i = 0; i < count; ++i)
+      if (match[i] != no_match) match_cameras_.push_back(all[i]);
+  }
+
+  array<match_cameras, memory_of_t<Policy>> cameras_;  ///< [neighbour][slot]; written where there is a match
+  std::vector<match_cameras> host_cameras_, match_cameras_;
+  std::vector<std::int32_t> host_match_;
+  typename matches_type::plan_type plan_;
+  track_joiner join_;
+  track_list tracks_;
+};
+
+/// Joins the matches of a search into tracks. Nodes are keypoints, edges are matches. Edges are taken in the order of
+/// (distance, query keypoint, neighbour, candidate); each joins the tracks of its two keypoints, unless a camera of a
+/// keyframe would then have two keypoints in one track: such a match is left out with the outcome `contradicts`. The result
+/// consists of integers that the host decides on: the same under every policy. Waits for the search.
+/// \param result  overwritten
+/// O(matches x cameras of all keyframes / 64 + keypoints).
+template <class Descriptor, class Camera, class Policy>
+void join_tracks(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches,
+                 match_tracks<Descriptor, Camera, Policy>& result) {
+  result.join(ctx, matches);
+}
+
+TURBOMAP_END_NAMESPACE
