@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// The checks of the duplicate search for every execution policy, host or device.
+/// The checks of the search by projection, and of the duplicate search, for every execution policy, host or device.
 
 #include <turbomap/descriptor/binary.hpp>
 #include <turbomap/fusion/duplicate_search.hpp>
@@ -17,7 +17,7 @@
 
 #include <doctest/doctest.h>
 
-#include "reference/duplicate_oracle.hpp"
+#include "reference/projection_oracle.hpp"
 #include "scenes/duplicate_scene.hpp"
 
 namespace turbomap_test {
@@ -47,7 +47,7 @@ bool same(const std::vector<T>& a, const std::vector<T>& b) {
 /// What a comparison with the oracle has seen, over many scenes.
 struct duplicate_tally {
   long trials = 0, doubtful = 0, differences = 0;
-  std::array<long, 10> outcomes{};
+  std::array<long, 12> outcomes{};
 };
 /// Everything equal, few trials left out, and every outcome often enough to mean something.
 inline void check_duplicate_tally(const duplicate_tally& t, long least, double doubtful_share = 0.002) {
@@ -67,20 +67,31 @@ struct duplicates_found {
   std::vector<turbomap::duplicate<typename Descriptor::distance_type>> plan, plan_of_trials;
   std::vector<turbomap::duplicate_trial<typename Descriptor::distance_type>> trials;
 };
-template <class Policy, class Descriptor, class Camera>
+template <class Descriptor, class Camera, class Policy>
+void search(turbomap::context<Policy>& ctx, const turbomap::map_point_view<Descriptor>& points,
+            turbomap::span<const turbomap::duplicate_target<Descriptor, Camera>> targets,
+            const turbomap::duplicate_options& options, turbomap::duplicates<Descriptor, Camera, Policy>& result) {
+  turbomap::find_duplicates(ctx, points, targets, options, result);
+}
+template <class Descriptor, class Camera, class Policy>
+void search(turbomap::context<Policy>& ctx, const turbomap::map_point_view<Descriptor>& points,
+            turbomap::span<const turbomap::projection_target<Descriptor, Camera>> targets,
+            const turbomap::projection_options& options, turbomap::projections<Descriptor, Camera, Policy>& result) {
+  turbomap::search_by_projection(ctx, points, targets, options, result);
+}
+template <class Policy, class Descriptor, class Camera, class Options = turbomap::duplicate_options>
 duplicates_found<Descriptor> find_under(const Policy& policy, const duplicate_scene<Descriptor, Camera>& s,
-                                        const turbomap::map_point_view<Descriptor>& points,
-                                        turbomap::duplicate_options options) {
+                                        const turbomap::map_point_view<Descriptor>& points, Options options) {
   turbomap::context<Policy> ctx(policy);
   const resident_targets<Descriptor, Camera, Policy> resident(ctx, s);
-  turbomap::duplicates<Descriptor, Camera, Policy> result(ctx);
+  turbomap::projections<Descriptor, Camera, Policy> result(ctx);
   duplicates_found<Descriptor> found;
   options.keep_trials = true;
-  turbomap::find_duplicates(ctx, points, resident.targets(), options, result);
+  search(ctx, points, resident.targets(), options, result);
   found.plan_of_trials = result.plan(ctx);
   found.trials = result.trials(ctx);
   options.keep_trials = false;
-  turbomap::find_duplicates(ctx, points, resident.targets(), options, result);
+  search(ctx, points, resident.targets(), options, result);
   found.plan = result.plan(ctx);
   CHECK_THROWS_AS(result.trials(ctx), std::invalid_argument);
   return found;
@@ -99,13 +110,10 @@ auto plan_of_trials(const duplicate_scene<Descriptor, Camera>& s, const duplicat
   return plan;
 }
 
-/// Search under `policy` == search under thrust::seq, to the last bit, and == the oracle; what is skipped early would
-/// not have matched.
-template <class Policy, class Descriptor, class Camera>
-void check_duplicates(const Policy& policy, duplicate_scene<Descriptor, Camera>& s,
-                      const turbomap::map_point_view<Descriptor>& points, turbomap::duplicate_options options,
-                      duplicate_tally& t) {
-  options.scales = s.scales();
+/// Search under `policy` == search under thrust::seq, to the last bit; what is skipped early would not have matched.
+template <class Policy, class Descriptor, class Camera, class Options = turbomap::duplicate_options>
+duplicates_found<Descriptor> find_alike(const Policy& policy, const duplicate_scene<Descriptor, Camera>& s,
+                                        const turbomap::map_point_view<Descriptor>& points, const Options& options) {
   const auto found = find_under(policy, s, points, options);
   const auto matches = plan_of_trials(s, found);
   CHECK(same(found.plan_of_trials, matches));
@@ -115,8 +123,19 @@ void check_duplicates(const Policy& policy, duplicate_scene<Descriptor, Camera>&
     CHECK(same(found.trials, expected.trials));
     CHECK(same(found.plan, expected.plan));
   }
+  return found;
+}
+
+/// The same, and == the oracle.
+template <class Policy, class Descriptor, class Camera, class Options = turbomap::duplicate_options>
+void check_duplicates(const Policy& policy, duplicate_scene<Descriptor, Camera>& s,
+                      const turbomap::map_point_view<Descriptor>& points, Options options, duplicate_tally& t) {
+  options.scales = s.scales();
+  const auto found = find_alike(policy, s, points, options);
   const auto targets = s.targets();
-  const auto oracle = duplicate_oracle<Descriptor, Camera>(points, targets, options);
+  turbomap::projection_options plain = options;  // the oracle settles no claims: see projection_cases.hpp
+  plain.one_to_one = false;
+  const auto oracle = projection_oracle<Descriptor, Camera>(points, targets, plain);
   REQUIRE(found.trials.size() == oracle.size());
   for (std::size_t i = 0; i < oracle.size(); ++i) {
     ++t.trials;
@@ -127,16 +146,16 @@ void check_duplicates(const Policy& policy, duplicate_scene<Descriptor, Camera>&
       t.differences += same(found.trials[i], oracle[i].trial) ? 0 : 1;
   }
 }
-template <class Policy, class Descriptor, class Camera>
-void check_duplicates(const Policy& policy, duplicate_scene<Descriptor, Camera>& s,
-                      const turbomap::duplicate_options& options, duplicate_tally& t) {
+template <class Policy, class Descriptor, class Camera, class Options = turbomap::duplicate_options>
+void check_duplicates(const Policy& policy, duplicate_scene<Descriptor, Camera>& s, const Options& options,
+                      duplicate_tally& t) {
   check_duplicates(policy, s, s.points(), options, t);
 }
 
 /// Several scenes of one kind.
-template <class Descriptor = orb, class Policy, class Camera>
+template <class Descriptor = orb, class Policy, class Camera, class Options = turbomap::duplicate_options>
 duplicate_tally check_scenes(const Policy& policy, const std::vector<test_rig<Camera>>& rigs, duplicate_recipe recipe,
-                             const turbomap::duplicate_options& options = {}, unsigned scenes = 4) {
+                             const Options& options = {}, unsigned scenes = 4) {
   duplicate_tally t;
   for (unsigned i = 0; i < scenes; ++i, ++recipe.seed) {
     duplicate_scene<Descriptor, Camera> s(rigs, recipe);
@@ -145,9 +164,9 @@ duplicate_tally check_scenes(const Policy& policy, const std::vector<test_rig<Ca
   return t;
 }
 
-template <class Descriptor = orb, class Policy, class Camera>
+template <class Descriptor = orb, class Policy, class Camera, class Options = turbomap::duplicate_options>
 duplicate_tally check_scenes(const Policy& policy, const test_rig<Camera>& rig, const duplicate_recipe& recipe,
-                             const turbomap::duplicate_options& options = {}, unsigned scenes = 4) {
+                             const Options& options = {}, unsigned scenes = 4) {
   return check_scenes<Descriptor>(policy, std::vector<test_rig<Camera>>{rig}, recipe, options, scenes);
 }
 

@@ -33,6 +33,7 @@ struct duplicate_recipe {
   int columns = 64, rows = 48;  ///< of the cell index; 0: none
   double stereo = 0.5;          ///< share of u_right where the rig has bf
   double skip = 0.1;            ///< share of points that are skipped in a camera; < 0: an empty list
+  double taken = 0;             ///< share of keypoints that hold a point; 0: an empty list
   double on_edge = 0;           ///< share of points that stand on a threshold as exactly as they can
   double not_finite = 0;        ///< share of points with a number that is none
   double off_unit = 0;          ///< of the squared norm of the quaternions from 1, at most
@@ -66,6 +67,10 @@ class duplicate_scene {
       skip.back().resize(f.cameras.size() * position.size());
       for (auto& s : skip.back()) s = chance(recipe.skip) ? static_cast<std::uint8_t>(1 + below(255)) : 0;
     }
+    taken.resize(frames.size());
+    for (std::size_t t = 0; t < frames.size() && recipe.taken > 0; ++t)
+      for (std::size_t k = 0; k < frames[t].keypoints.size(); ++k)
+        taken[t].push_back(chance(recipe.taken) ? static_cast<std::uint8_t>(1 + below(255)) : std::uint8_t{0});
   }
 
   turbomap::map_point_view<Descriptor> points() const {
@@ -78,7 +83,7 @@ class duplicate_scene {
   }
   /// Target t with its packed form at `base`.
   target at(std::size_t t, std::byte* base) const {
-    return {turbomap::view_at<Descriptor, Camera>(frames[t].layout, base), frames[t].T_cw, skip[t]};
+    return {turbomap::view_at<Descriptor, Camera>(frames[t].layout, base), frames[t].T_cw, skip[t], taken[t]};
   }
   std::vector<target> targets() {
     std::vector<target> all;
@@ -103,7 +108,7 @@ class duplicate_scene {
   }
 
   std::vector<scene_frame<Descriptor, Camera>> frames;
-  std::vector<std::vector<std::uint8_t>> skip;
+  std::vector<std::vector<std::uint8_t>> skip, taken;
   std::vector<turbomap::vec3<double>> position;
   std::vector<turbomap::vec3<float>> normal;
   std::vector<float> min_distance, max_distance;

@@ -3,13 +3,14 @@
 #pragma once
 
 /// \file
-/// The duplicate search as its definition reads: every point, every camera, every keypoint, one after the other, in
+/// The search by projection as its definition reads: every point, every camera, every keypoint, one after the other, in
 /// plain double. What the library's search is tested against.
 
-#include <turbomap/fusion/duplicate_options.hpp>
+#include <turbomap/fusion/projection_options.hpp>
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <tuple>
 #include <vector>
 
@@ -20,7 +21,7 @@ namespace turbomap_test {
 /// A trial, and whether it hung on a close call.
 template <class Descriptor>
 struct oracle_trial {
-  turbomap::duplicate_trial<typename Descriptor::distance_type> trial;
+  turbomap::projection_trial<typename Descriptor::distance_type> trial;
   bool doubtful;
 };
 
@@ -47,18 +48,18 @@ std::vector<int> keypoints_by_cell(const turbomap::keyframe_view<Descriptor, Cam
   return order;
 }
 
-/// One point in one camera. `order` is keypoints_by_cell() of the camera.
+/// One point in one camera, before points that match one keypoint are told apart. `order` is keypoints_by_cell() of the camera.
 template <class Descriptor, class Camera>
-oracle_trial<Descriptor> oracle_duplicate(const turbomap::map_point_view<Descriptor>& points, int p,
-                                          const turbomap::duplicate_target<Descriptor, Camera>& target, int camera,
-                                          const std::vector<int>& order, const turbomap::duplicate_options& options) {
-  using turbomap::duplicate_outcome;
+oracle_trial<Descriptor> oracle_projection(const turbomap::map_point_view<Descriptor>& points, int p,
+                                           const turbomap::projection_target<Descriptor, Camera>& target, int camera,
+                                           const std::vector<int>& order, const turbomap::projection_options& options) {
+  using turbomap::projection_outcome;
   const auto& view = target.view;
   const auto& mounted = view.cameras[camera];
-  oracle_trial<Descriptor> result{{duplicate_outcome::skipped, -1, -1, turbomap::no_match_distance<Descriptor>},
+  oracle_trial<Descriptor> result{{projection_outcome::skipped, -1, -1, turbomap::no_match_distance<Descriptor>},
                                   false};
   auto& trial = result.trial;
-  const auto ends = [&trial, &result](duplicate_outcome outcome, const close_calls& calls) {
+  const auto ends = [&trial, &result](projection_outcome outcome, const close_calls& calls) {
     trial.outcome = outcome;
     result.doubtful = calls.any;
     return result;
@@ -69,33 +70,37 @@ oracle_trial<Descriptor> oracle_duplicate(const turbomap::map_point_view<Descrip
   if (!target.skip.empty() && target.skip[at] != 0) return result;
 
   const Eigen::Vector3d X(points.position[p].x, points.position[p].y, points.position[p].z);
-  if (!X.allFinite()) return ends(duplicate_outcome::behind, calls);
+  if (!X.allFinite()) return ends(projection_outcome::behind, calls);
   const oracle_pose T = to_oracle_pose(mounted.T_camera_body) * to_oracle_pose(target.T_cw);
   const Eigen::Vector3d x = T * X;
-  if (!calls.less(0, x.z(), X.norm() + T.t.norm())) return ends(duplicate_outcome::behind, calls);
+  if (!calls.less(0, x.z(), X.norm() + T.t.norm())) return ends(projection_outcome::behind, calls);
 
   // A pixel is as uncertain as the direction of the point.
   const double size = 1000 * (1 + 1e-4 * (X.norm() + T.t.norm()) / x.z());
   Eigen::Vector2d uv;
-  if (!oracle_project(mounted.camera, x, uv)) return ends(duplicate_outcome::outside, calls);
+  if (!oracle_project(mounted.camera, x, uv)) return ends(projection_outcome::outside, calls);
   const auto& b = view.cells.bounds;
   if (!calls.at_most(b.min_x, uv.x(), size) || !calls.less(uv.x(), b.max_x, size) ||
       !calls.at_most(b.min_y, uv.y(), size) || !calls.less(uv.y(), b.max_y, size))
-    return ends(duplicate_outcome::outside, calls);
+    return ends(projection_outcome::outside, calls);
 
   const Eigen::Vector3d ray = X - T.inverse().t;
   const double distance = ray.norm(), far = X.norm() + T.t.norm();
   if (options.range_gate) {
     const float least = static_cast<float>(options.min_range_factor) * points.min_distance[p];
     const float largest = static_cast<float>(options.max_range_factor) * points.max_distance[p];
-    if (!std::isfinite(least) || !std::isfinite(largest)) return ends(duplicate_outcome::out_of_range, calls);
+    if (!std::isfinite(least) || !std::isfinite(largest)) return ends(projection_outcome::out_of_range, calls);
     if (!calls.at_most(least, distance, far) || !calls.at_most(distance, largest, far))
-      return ends(duplicate_outcome::out_of_range, calls);
+      return ends(projection_outcome::out_of_range, calls);
   }
-  if (options.min_view_cosine > -1) {
+  double widened = 1;
+  if (options.min_view_cosine > -1 || options.oblique_factor != 1) {
     const Eigen::Vector3d n(points.normal[p].x, points.normal[p].y, points.normal[p].z);
-    if (!n.allFinite() || !calls.at_most(options.min_view_cosine * distance, ray.dot(n), far))
-      return ends(duplicate_outcome::oblique, calls);
+    if (!n.allFinite()) return ends(projection_outcome::oblique, calls);
+    if (options.min_view_cosine > -1 && !calls.at_most(options.min_view_cosine * distance, ray.dot(n), far))
+      return ends(projection_outcome::oblique, calls);
+    if (options.oblique_factor != 1 && calls.less(ray.dot(n), options.oblique_cosine * distance, far))
+      widened = options.oblique_factor;
   }
 
   int level = -1;
@@ -103,46 +108,69 @@ oracle_trial<Descriptor> oracle_duplicate(const turbomap::map_point_view<Descrip
     for (level = 0; level < options.scales.levels - 1; ++level)
       if (calls.at_most(points.max_distance[p] / distance, oracle_scale(options.scales, level), far / distance)) break;
   trial.level = static_cast<std::int16_t>(level);
-  const double radius = options.radius * oracle_scale(options.scales, level < 0 ? options.window_octave : level);
+  const double radius =
+      widened * options.radius * oracle_scale(options.scales, level < 0 ? options.window_octave : level);
 
   Eigen::Matrix3d K;
   const bool stereo_camera = pinhole_matrix(mounted.camera, K) && mounted.bf > 0;
   bool in_window = false;
+  double second = std::numeric_limits<double>::infinity();
   for (const int k : order) {
     const Eigen::Vector2d residual = pixel_of(view, k) - uv;
     if (!calls.less(std::abs(residual.x()), radius, size) || !calls.less(std::abs(residual.y()), radius, size))
       continue;
     in_window = true;
-    if (level >= 0 && view.octave[k] != level && view.octave[k] != level - 1) continue;
+    if (!target.taken.empty() && target.taken[static_cast<std::size_t>(k)] != 0) continue;
+    const int above = view.octave[k] - level;
+    if (level >= 0 && (above > options.coarser_octaves || -above > options.finer_octaves)) continue;
     const double sigma2 = oracle_sigma2(options.scales, view.octave[k]);
     const bool stereo = stereo_camera && view.is_stereo(k);
     const double right = stereo ? view.u_right[k] - (uv.x() - mounted.bf / x.z()) : 0;
     const double chi2 = (residual.squaredNorm() + right * right) / sigma2;
-    if (!calls.at_most(chi2, stereo ? options.stereo_chi2 : options.mono_chi2, size)) continue;
+    if (options.gate == turbomap::projection_gate::all &&
+        !calls.at_most(chi2, stereo ? options.stereo_chi2 : options.mono_chi2, size))
+      continue;
     const auto d = Descriptor::distance(points.descriptor + static_cast<std::size_t>(p) * Descriptor::elements,
                                         view.descriptor_of(k));
+    if (trial.keypoint >= 0) second = std::min(second, static_cast<double>(std::max(d, trial.distance)));
     if (trial.keypoint >= 0 && d >= trial.distance) continue;
     trial.keypoint = k;
     trial.distance = d;
   }
-  if (!in_window) return ends(duplicate_outcome::no_keypoint, calls);
-  if (trial.keypoint < 0) return ends(duplicate_outcome::no_consistent_keypoint, calls);
-  const bool alike = static_cast<double>(trial.distance) <= options.max_distance;
-  return ends(alike ? duplicate_outcome::matched : duplicate_outcome::too_different, calls);
+  if (!in_window) return ends(projection_outcome::no_keypoint, calls);
+  if (trial.keypoint < 0) return ends(projection_outcome::no_consistent_keypoint, calls);
+  if (!(static_cast<double>(trial.distance) <= options.max_distance))
+    return ends(projection_outcome::too_different, calls);
+  const bool clear = options.max_ratio == 1 || static_cast<double>(trial.distance) <= options.max_ratio * second;
+  return ends(clear ? projection_outcome::matched : projection_outcome::ambiguous, calls);
 }
 
-/// All trials, [target][camera][point]. The views are in host memory.
+/// One keypoint, one point: of the matches of one keypoint the most similar stays, of equal ones the first point.
+/// \param trials  of one camera of one target, one per point
+template <class Trial>
+void settle_oracle(Trial* trials, int points) {
+  using turbomap::projection_outcome;
+  for (int p = 0; p < points; ++p)
+    for (int q = 0; q < points; ++q) {
+      const auto &a = trials[p], &b = trials[q];
+      const bool plays = b.outcome == projection_outcome::matched || b.outcome == projection_outcome::lost;
+      if (p == q || a.outcome != projection_outcome::matched || !plays || a.keypoint != b.keypoint) continue;
+      if (b.distance < a.distance || (b.distance == a.distance && q < p)) trials[p].outcome = projection_outcome::lost;
+    }
+}
+
+/// All trials, [target][camera][point], without options.one_to_one. The views are in host memory.
 template <class Descriptor, class Camera>
-std::vector<oracle_trial<Descriptor>> duplicate_oracle(
+std::vector<oracle_trial<Descriptor>> projection_oracle(
     const turbomap::map_point_view<Descriptor>& points,
-    turbomap::span<const turbomap::duplicate_target<Descriptor, Camera>> targets,
-    const turbomap::duplicate_options& options) {
+    turbomap::span<const turbomap::projection_target<Descriptor, Camera>> targets,
+    const turbomap::projection_options& options) {
   std::vector<oracle_trial<Descriptor>> trials;
   for (const auto& target : targets)
     for (int camera = 0; camera < target.view.camera_count; ++camera) {
       const auto order = keypoints_by_cell(target.view, camera);
       for (int p = 0; p < points.count; ++p)
-        trials.push_back(oracle_duplicate(points, p, target, camera, order, options));
+        trials.push_back(oracle_projection(points, p, target, camera, order, options));
     }
   return trials;
 }
