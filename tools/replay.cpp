@@ -13,6 +13,7 @@
 #include <CLI/CLI.hpp>
 
 #include "replay/arguments.hpp"
+#include "replay/print_outcome.hpp"
 
 namespace {
 
@@ -24,6 +25,24 @@ outcome run(const arguments& a) {
   if (a.policy == "cuda") return turbomap_replay::run_cuda(a);
 #endif
   return turbomap_replay::run_host(a);
+}
+
+/// The same replay under more policies; prints the times of all and adds the others' to the JSON.
+void run_beside(arguments a, outcome& result) {
+  std::vector<nlohmann::json> replays{result.json};
+  a.quiet = true;
+  a.trajectory.clear(), a.report.clear();
+  for (const std::string& policy : a.beside) {
+    a.policy = policy;
+    const outcome other = run(a);
+    replays.push_back(other.json);
+    nlohmann::json figures;
+    for (const char* key : {"policy", "map_points", "keyframes_left", "map_digest", "stages"})
+      figures[key] = other.json[key];
+    result.json["beside"].push_back(figures);
+    result.good = result.good && other.good;
+  }
+  turbomap_replay::print_beside(replays);
 }
 
 /// The recording that is made at build time, beside the program.
@@ -63,6 +82,10 @@ int main(int argc, char** argv) try {
       "Replays a recording of local mapping through the stages of TurboMap, or checks every stage against it.");
   app.add_option("recording", a.recording, "folder of the recording; the built-in simulated one when not given");
   app.add_option("--policy", a.policy, "execution policy")->check(CLI::IsMember({"seq", "omp", "tbb", "cuda"}));
+  app.add_option("--beside", a.beside,
+                 "replay under these policies too (separated by commas), and print the times side by side")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"seq", "omp", "tbb", "cuda"}));
   app.add_flag("--check", a.check, "compare every stage with the recorded snapshots; exit status 1 when one differs");
   app.add_option(
       "--stages", stages,
@@ -93,8 +116,11 @@ int main(int argc, char** argv) try {
   if (!stages.empty()) choose_stages(stages, a);
   if (a.recording.empty()) a.recording = demo_recording(argv[0]);
 
-  const outcome result = run(a);
+  if (a.check && !a.beside.empty()) throw std::invalid_argument("--beside: not together with --check");
+
+  outcome result = run(a);
   if (a.check) std::printf("%s\n%s\n", result.json.dump(2).c_str(), result.good ? "check: all agree" : "check: FAILED");
+  if (!a.beside.empty()) run_beside(a, result);
   if (!a.json.empty()) {
     std::ofstream file(a.json);
     file << result.json.dump(2) << '\n';

@@ -68,6 +68,7 @@ TEST_CASE("the trajectory error is what one rigid alignment leaves") {
   for (const auto& p : truth)
     spread += std::pow(p.x - mean.x, 2) + std::pow(p.y - mean.y, 2) + std::pow(p.z - mean.z, 2);
   CHECK(turbomap::absolute_trajectory_error(moved, truth) == doctest::Approx(0.1 * std::sqrt(spread / 50)));
+  CHECK(turbomap::absolute_trajectory_error(moved, truth, true) < 1e-12);  // unless asked for
   std::vector<turbomap::vec3<double>> mirrored = truth;
   for (auto& p : mirrored) p.x = -p.x;  // a mirror image is no rigid motion
   CHECK(turbomap::absolute_trajectory_error(mirrored, truth) > 0.1);

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -27,6 +28,8 @@ inline double simulated_correlation(const turbomap::recording_meta& meta) {
 struct arguments {
   std::filesystem::path recording;
   std::string policy = "seq";
+  std::vector<std::string> beside;  ///< more policies that the recording is replayed under
+  bool quiet = false;               ///< of the replays beside the first: nothing is printed, no trajectory judged
   bool check = false;
   /// Stages that are switched on.
   bool point_culling = true, search = true, creation = true, fusion = true, map_update = true;

@@ -15,6 +15,7 @@
 #include "arguments.hpp"
 #include "map_digest.hpp"
 #include "match_judge.hpp"
+#include "progress.hpp"
 #include "recorded_keyframes.hpp"
 #include "replayed_map.hpp"
 #include "stage_times.hpp"
@@ -93,7 +94,10 @@ class replayer {
   replayer& operator=(const replayer&) = delete;
 
   replay_result run() {
-    for (std::size_t i = 0; i < recording_.keyframe_count(); ++i) step(static_cast<std::int32_t>(i));
+    {
+      turbomap_program::progress bar("replay under " + arguments_.policy, recording_.keyframe_count());
+      for (std::size_t i = 0; i < recording_.keyframe_count(); ++i, bar.advance()) step(static_cast<std::int32_t>(i));
+    }
     const auto& map = world_.map();
     for (std::size_t i = 0; i < recording_.keyframe_count(); ++i) {
       result_.T_cw.push_back(world_.T_cw(static_cast<std::int32_t>(i)));

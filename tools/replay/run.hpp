@@ -7,14 +7,16 @@
 
 #include <cmath>
 #include <cstdio>
+#include <numeric>
 
 #include <turbomap/io/recording.hpp>
 #include <turbomap/io/trajectory.hpp>
-#include <turbomap/io/trajectory_error.hpp>
 
 #include "check.hpp"
 #include "loop.hpp"
 #include "make_report.hpp"
+#include "print_outcome.hpp"
+#include "trajectory_errors.hpp"
 
 namespace turbomap_replay {
 
@@ -90,19 +92,8 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
     created += row.report.points_created;
     fused += row.report.fused;
   }
-  std::printf("%s: %zu keyframes, %zu left, policy %s, %zu map points\n", arguments.recording.string().c_str(),
-              recording.keyframe_count(), result.keyframes_left, arguments.policy.c_str(), result.points.size());
-  std::printf(
-      "%zu points created, %zu dropped on probation, %zu duplicates merged, %zu observations added, %zu keyframes "
-      "culled\n",
-      created, points_culled, fused.merged, fused.observations_added, keyframes_culled);
-  if (skipped != 0 || cut != 0)
-    std::printf("%zu keyframes with stages skipped because more waited, %zu cut by the deadline\n", skipped, cut);
-  print_table(stages);
-
   outcome o;
   o.good = result.faults == 0;
-  if (!o.good) std::printf("%zu faults in the map\n", result.faults);
   o.json = {{"recording", arguments.recording.string()},
             {"policy", arguments.policy},
             {"keyframes", recording.keyframe_count()},
@@ -114,6 +105,7 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
             {"map_digest", result.map_digest},
             {"points_created", created},
             {"points_culled", points_culled},
+            {"keyframes_culled", keyframes_culled},
             {"duplicates_merged", fused.merged},
             {"observations_added", fused.observations_added},
             {"fusion_conflicts", fused.conflicts},
@@ -126,22 +118,15 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
   if (skipped != 0)
     for (std::size_t s = 0; s < turbomap::mapping_stages; ++s)
       o.json["skipped_stages"][turbomap::to_string(static_cast<turbomap::mapping_stage>(s))] = skipped_stages.values[s];
-  if (recording.has_ground_truth()) {
-    std::vector<turbomap::rigid_transform<float>> T_cw;
-    for (const auto& T : result.T_cw) T_cw.push_back(turbomap::cast<float>(T));
-    const double ate = turbomap::keyframe_trajectory_error(recording, T_cw, result.alive);
-    o.json["ate_rmse_m"] = ate;
-    std::printf("ATE %.4f m", ate);
-    if (recording.meta.ate_kf_rmse_m >= 0) {
-      o.json["peer_ate_rmse_m"] = recording.meta.ate_kf_rmse_m;
-      std::printf(" (peer, after its adjustment: %.4f m)", recording.meta.ate_kf_rmse_m);
-    }
-    std::printf("; store %.0f bytes per keyframe\n", result.store.bytes_per_keyframe);
-  }
-  if (recording.is_simulated()) {
+  if (!result.points.empty())
+    o.json["observations_per_point"] =
+        static_cast<double>(std::accumulate(result.point_observations.begin(), result.point_observations.end(), 0LL)) /
+        static_cast<double>(result.points.size());
+  if (recording.is_simulated())
     o.json["true_matches"] = {{"pairs", result.matches.matches}, {"correct", result.matches.correct_matches}};
-    std::printf("%zu matches, %zu of them right by the simulator's ids\n", result.matches.matches,
-                result.matches.correct_matches);
+  if (!arguments.quiet) {
+    add_trajectory_errors<Camera>(recording, policy, result.T_cw, result.alive, o.json);
+    print_outcome(o.json, stages);
   }
   if (arguments.check) {  // a recording without snapshots: properties that need no recorded truth
     o.json["exhaustive"] = {{"pairs", result.matches.pairs},
@@ -160,8 +145,10 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
         poses.push_back({recording.t_ns[i], invert(compose(T_bc, result.T_cw[i]))});
     turbomap::write_trajectory(arguments.trajectory, poses);
   }
-  if (!arguments.report.empty())
+  if (!arguments.report.empty()) {
     write_report(arguments.report, make_report(recording, arguments, result, stages, timing, o.json));
+    std::printf("report: %s\n", arguments.report.string().c_str());
+  }
   return o;
 }
 

@@ -3,7 +3,8 @@
 #pragma once
 
 /// \file
-/// Absolute trajectory error: what is left between two paths after one rigid alignment, without scale.
+/// Absolute trajectory error: what is left between two paths after one alignment, rigid or, where the scale of one of them
+/// means nothing, with a scale.
 
 #include <algorithm>
 #include <cmath>
@@ -22,15 +23,20 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+namespace detail {
+/// Positions as the columns of a matrix.
+inline Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic>> matrix_of(span<const vec3<double>> positions) {
+  static_assert(sizeof(vec3<double>) == 3 * sizeof(double));
+  return {&positions.data()->x, 3, static_cast<Eigen::Index>(positions.size())};
+}
+}  // namespace detail
+
 /// The rigid transform that brings `from` nearest to `to` in the mean of squares (Umeyama, 1991, without scale). Throws
 /// std::invalid_argument unless both have the same length, of three or more: fewer do not define it.
 inline isometry<double> rigid_alignment(span<const vec3<double>> from, span<const vec3<double>> to) {
   require(from.size() == to.size(), "to", to.size(), "must be as many positions as `from`");
   require(from.size() >= 3, "from", from.size(), "must be three positions or more");
-  using positions = Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic>>;
-  const auto count = static_cast<Eigen::Index>(from.size());
-  const Eigen::Matrix4d T =
-      Eigen::umeyama(positions(&from.data()->x, 3, count), positions(&to.data()->x, 3, count), false);
+  const Eigen::Matrix4d T = Eigen::umeyama(detail::matrix_of(from), detail::matrix_of(to), false);
   isometry<double> result;
   for (int row = 0; row < 3; ++row)
     for (int column = 0; column < 3; ++column) result.R(row, column) = T(row, column);
@@ -38,15 +44,17 @@ inline isometry<double> rigid_alignment(span<const vec3<double>> from, span<cons
   return result;
 }
 
-/// Root mean square distance (m) of `estimate` to `truth` after their rigid_alignment(). NaN for fewer than three positions.
-/// Throws std::invalid_argument unless both have the same length.
-inline double absolute_trajectory_error(span<const vec3<double>> estimate, span<const vec3<double>> truth) {
+/// Root mean square distance (m) of `estimate` to `truth` after the rigid transform, or (`with_scale`) the similarity, that
+/// brings them nearest (Umeyama, 1991). NaN for fewer than three positions. Throws std::invalid_argument unless both have the
+/// same length.
+inline double absolute_trajectory_error(span<const vec3<double>> estimate, span<const vec3<double>> truth,
+                                        bool with_scale = false) {
   require(estimate.size() == truth.size(), "truth", truth.size(), "must be as many positions as the estimate");
   if (estimate.size() < 3) return std::nan("");
-  const isometry<double> T = rigid_alignment(estimate, truth);
-  double sum = 0;
-  for (std::size_t i = 0; i < estimate.size(); ++i) sum += squared_norm(T * estimate[i] - truth[i]);
-  return std::sqrt(sum / static_cast<double>(estimate.size()));
+  const auto from = detail::matrix_of(estimate), to = detail::matrix_of(truth);
+  const Eigen::Matrix4d T = Eigen::umeyama(from, to, with_scale);
+  const auto moved = (T.topLeftCorner<3, 3>() * from).colwise() + T.topRightCorner<3, 1>();
+  return std::sqrt((moved - to).squaredNorm() / static_cast<double>(estimate.size()));
 }
 
 /// The camera's centre in the ground truth at the time nearest to `t_ns`: body pose times T_bc. The recording must have
@@ -61,7 +69,7 @@ inline vec3<double> true_camera_centre(const recording& r, std::int64_t t_ns) {
 }
 
 /// ATE of keyframe poses `T_cw` (one per keyframe of the recording) against its ground truth, over the keyframes whose
-/// `alive` is not 0 (empty: all). Throws std::invalid_argument for wrong sizes or a recording without ground truth.
+/// `alive` is not 0 (empty: all). A monocular recording is aligned with scale, which one camera cannot know. Throws std::invalid_argument for wrong sizes or a recording without ground truth.
 inline double keyframe_trajectory_error(const recording& r, span<const rigid_transform<float>> T_cw,
                                         span<const std::uint8_t> alive = {}) {
   require(r.has_ground_truth(), "recording", r.gt_t_ns.size(), "must have ground truth");
@@ -73,7 +81,7 @@ inline double keyframe_trajectory_error(const recording& r, span<const rigid_tra
     estimate.push_back(camera_centre(to_isometry<double>(T_cw[i])));
     truth.push_back(true_camera_centre(r, r.t_ns[i]));
   }
-  return absolute_trajectory_error(estimate, truth);
+  return absolute_trajectory_error(estimate, truth, r.meta.sensor == "monocular");
 }
 
 TURBOMAP_END_NAMESPACE
