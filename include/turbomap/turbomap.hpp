@@ -53,6 +53,7 @@
 #include "matching/given_correspondences.hpp"
 #include "matching/neighbour_rules.hpp"
 #include "matching/point_creation.hpp"
+#include "matching/track_creation.hpp"
 #include "matching/tracks.hpp"
 #include "math/functions.hpp"
 #include "math/linear.hpp"

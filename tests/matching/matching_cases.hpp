@@ -41,6 +41,12 @@ inline bool same(const turbomap::created_point& a, const turbomap::created_point
   return a.neighbour == b.neighbour && a.query == b.query && a.candidate == b.candidate && a.outcome == b.outcome &&
          a.method == b.method && std::memcmp(&a.position, &b.position, sizeof a.position) == 0;
 }
+inline bool same(const turbomap::created_track& a, const turbomap::created_track& b) {
+  if (a.outcome != b.outcome || a.method != b.method) return false;
+  if (a.outcome != turbomap::creation_outcome::accepted) return true;
+  return a.views == b.views && std::memcmp(&a.position, &b.position, sizeof a.position) == 0 &&
+         std::memcmp(&a.covariance, &b.covariance, sizeof a.covariance) == 0;
+}
 /// Equal to the last bit (padding aside).
 template <class T>
 bool same(const std::vector<T>& a, const std::vector<T>& b) {

@@ -65,6 +65,59 @@ TURBOMAP_HD bool reprojects(const Camera& camera, const vec3<decision>& point, c
   return du * du + dv * dv + dr * dr <= decision(options.stereo_chi2) * v.sigma2;
 }
 
+/// One of two views that a point is made from.
+template <class Camera>
+struct pair_view {
+  const creation_view& seen;
+  const Camera& camera;
+  const isometry<decision>& T_cw;
+  decision scale;  ///< scale_factor^octave
+};
+
+/// The point of two views, if it passes the tests.
+/// \param R_ba  rotation from camera a to camera b   \param p  method and position are set, as far as it comes
+template <class Camera, class Point>
+TURBOMAP_HD creation_outcome create_from_pair(const pair_view<Camera>& a, const pair_view<Camera>& b,
+                                              const mat3<decision>& R_ba, const creation_options& options, Point& p) {
+  const creation_view &va = a.seen, &vb = b.seen;
+  const vec3<decision> ray_a_in_b = R_ba * va.ray;
+  const decision parallax = dot(ray_a_in_b, vb.ray) / (norm(ray_a_in_b) * norm(vb.ray));
+  const decision stereo_parallax = va.parallax < vb.parallax ? va.parallax : vb.parallax;
+  vec3<decision> X;  // the point in the world; the linear method depends on its frame, and this is the peer's
+  if (parallax < stereo_parallax && parallax > decision(0) &&
+      (va.stereo || vb.stereo || parallax < decision(options.max_parallax_cosine))) {
+    p.method = creation_method::triangulated;
+    if (!triangulate(a.T_cw, va.ray, b.T_cw, vb.ray, X, true)) return creation_outcome::at_infinity;
+  } else if (va.stereo && va.parallax < vb.parallax) {
+    p.method = creation_method::stereo_query;
+    if (!(va.depth > decision(0))) return creation_outcome::no_depth;
+    X = inverse(a.T_cw) * (va.depth * va.ray);
+  } else if (vb.stereo && vb.parallax < va.parallax) {
+    p.method = creation_method::stereo_neighbour;
+    if (!(vb.depth > decision(0))) return creation_outcome::no_depth;
+    X = inverse(b.T_cw) * (vb.depth * vb.ray);
+  } else {
+    return creation_outcome::low_parallax;
+  }
+  p.position = {X.x.value, X.y.value, X.z.value};
+
+  const vec3<decision> X_a = a.T_cw * X, X_b = b.T_cw * X;
+  if (!(X_a.z > decision(0))) return creation_outcome::behind_query;
+  if (!(X_b.z > decision(0))) return creation_outcome::behind_neighbour;
+  if (!reprojects(a.camera, X_a, va, options)) return creation_outcome::reprojection_query;
+  if (!reprojects(b.camera, X_b, vb, options)) return creation_outcome::reprojection_neighbour;
+  const decision distance_a = norm(X_a), distance_b = norm(X_b);
+  if (distance_a == decision(0) || distance_b == decision(0)) return creation_outcome::zero_distance;
+  if (options.max_distance > 0 &&
+      (distance_a >= decision(options.max_distance) || distance_b >= decision(options.max_distance)))
+    return creation_outcome::too_far;
+  // A feature found s times farther away is found that many octaves finer.
+  const decision ratio = distance_b / distance_a, octaves = a.scale / b.scale;
+  const decision tolerance = decision(options.scale_tolerance) * decision(options.scales.scale_factor);
+  if (ratio * tolerance < octaves || ratio > octaves * tolerance) return creation_outcome::scale;
+  return creation_outcome::accepted;
+}
+
 }  // namespace detail
 
 /// Index = result of the search: triangulates or back-projects one match and tests the point.
@@ -91,49 +144,14 @@ struct create_point {
     const auto& b = search.neighbour(p.neighbour);
     const auto& camera_a = a.cameras[a.camera_of(p.query)];
     const auto& camera_b = b.cameras[b.camera_of(p.candidate)];
-    const isometry<decision>& T_ba = search.pair(p.neighbour, a.camera_of(p.query), b.camera_of(p.candidate)).T_ba;
+    const mat3<decision>& R_ba = search.pair(p.neighbour, a.camera_of(p.query), b.camera_of(p.candidate)).T_ba.R;
     const detail::creation_view va = detail::look_at(a, p.query, search.sigma2);
     const detail::creation_view vb = detail::look_at(b, p.candidate, search.sigma2);
-
-    const vec3<decision> ray_a_in_b = T_ba.R * va.ray;
-    const decision parallax = dot(ray_a_in_b, vb.ray) / (norm(ray_a_in_b) * norm(vb.ray));
-    const decision stereo_parallax = va.parallax < vb.parallax ? va.parallax : vb.parallax;
     const isometry<decision> T_aw = camera_pose(camera_a, search.T_cw[0]);
     const isometry<decision> T_bw = camera_pose(camera_b, search.T_cw[1 + p.neighbour]);
-    vec3<decision> X;  // the point in the world; the linear method depends on its frame, and this is the peer's
-    if (parallax < stereo_parallax && parallax > decision(0) &&
-        (va.stereo || vb.stereo || parallax < decision(options.max_parallax_cosine))) {
-      p.method = creation_method::triangulated;
-      if (!triangulate(T_aw, va.ray, T_bw, vb.ray, X, true)) return creation_outcome::at_infinity;
-    } else if (va.stereo && va.parallax < vb.parallax) {
-      p.method = creation_method::stereo_query;
-      if (!(va.depth > decision(0))) return creation_outcome::no_depth;
-      X = inverse(T_aw) * (va.depth * va.ray);
-    } else if (vb.stereo && vb.parallax < va.parallax) {
-      p.method = creation_method::stereo_neighbour;
-      if (!(vb.depth > decision(0))) return creation_outcome::no_depth;
-      X = inverse(T_bw) * (vb.depth * vb.ray);
-    } else {
-      return creation_outcome::low_parallax;
-    }
-    p.position = {X.x.value, X.y.value, X.z.value};
-
-    const vec3<decision> X_a = T_aw * X, X_b = T_bw * X;
-    if (!(X_a.z > decision(0))) return creation_outcome::behind_query;
-    if (!(X_b.z > decision(0))) return creation_outcome::behind_neighbour;
-    if (!detail::reprojects(camera_a.camera, X_a, va, options)) return creation_outcome::reprojection_query;
-    if (!detail::reprojects(camera_b.camera, X_b, vb, options)) return creation_outcome::reprojection_neighbour;
-    const decision distance_a = norm(X_a), distance_b = norm(X_b);
-    if (distance_a == decision(0) || distance_b == decision(0)) return creation_outcome::zero_distance;
-    if (options.max_distance > 0 &&
-        (distance_a >= decision(options.max_distance) || distance_b >= decision(options.max_distance)))
-      return creation_outcome::too_far;
-    // A feature found s times farther away is found that many octaves finer.
-    const decision ratio = distance_b / distance_a;
-    const decision octaves = decision(search.scale[a.octave[p.query]]) / decision(search.scale[b.octave[p.candidate]]);
-    const decision tolerance = decision(options.scale_tolerance) * decision(options.scales.scale_factor);
-    if (ratio * tolerance < octaves || ratio > octaves * tolerance) return creation_outcome::scale;
-    return creation_outcome::accepted;
+    return detail::create_from_pair<Camera>({va, camera_a.camera, T_aw, decision(search.scale[a.octave[p.query]])},
+                                            {vb, camera_b.camera, T_bw, decision(search.scale[b.octave[p.candidate]])},
+                                            R_ba, options, p);
   }
 };
 

@@ -30,14 +30,27 @@ enum class creation_outcome : std::uint8_t {
 /// Where the position of a point came from.
 enum class creation_method : std::int8_t { none = -1, triangulated = 0, stereo_query = 1, stereo_neighbour = 2 };
 
-/// Options of create_points(). Defaults are those of [ORB-SLAM3].
+/// What points are made from.
+enum class creation_rule : std::uint8_t {
+  pairs,  ///< each match: one point per pair of views; fusion merges those of one landmark [ORB-SLAM3]
+  tracks  ///< all matches of one landmark together: one point with all its views
+};
+
+/// Options of create_points() and create_track_points(). Defaults are those of [ORB-SLAM3] where it has them.
 struct creation_options {
+  creation_rule rule = creation_rule::pairs;  ///< of the stage; each of the two functions has its own
   pyramid scales;
   double max_parallax_cosine = 0.9998;  ///< monocular matches need more parallax than this; 0.9996 in inertial systems
   double mono_chi2 = 5.991;             ///< gate of reprojection error^2 / sigma2, 95 %, 2 dof
   double stereo_chi2 = 7.8;             ///< the same with u_right, 95 %, 3 dof
   double scale_tolerance = 1.5;         ///< distance and octave ratios agree within this times scale_factor
-  double max_distance = 0;              ///< m from either camera; 0: no limit
+  double max_distance = 0;              ///< m from every camera; 0: no limit
+  /// Tracks: most Gauss-Newton steps on the reprojection errors. Two are enough nearly always.
+  int refinement_steps = 4;
+  /// Tracks: no further step where it promises to lower the sum of squared errors / sigma2 by less than this: 1e-3 moves
+  /// a point by 3 % of its standard deviation.
+  double refinement_tolerance = 1e-3;
+  double stereo_correlation = 0;  ///< tracks: of the errors of u and u_right, in [0, 1); weighs rows of u_right
 };
 
 /// One match of the search with what became of it.
@@ -48,6 +61,15 @@ struct created_point {
   creation_outcome outcome;
   creation_method method;
   vec3<double> position;  ///< world, m; meaningful once a method is named
+};
+
+/// One track with what became of it.
+struct created_track {
+  creation_outcome outcome;     ///< `*_query`: of a view of the query; `*_neighbour`: of another
+  creation_method method;       ///< where the estimate began; stereo_query: with the depth of the query
+  std::int32_t views;           ///< that are left; meaningful where accepted
+  vec3<double> position;        ///< world, m; meaningful where accepted
+  point_covariance covariance;  ///< of the position; meaningful where accepted
 };
 
 /// The accepted points in (neighbour, query keypoint) order, as a map inserts them: a keypoint that an earlier point of the

@@ -15,9 +15,9 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
-#include "../store/argument_checks.hpp"
 #include "correspondences.hpp"
 #include "create_point.hpp"
+#include "creation_check.hpp"
 #include "creation_plan.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -74,18 +74,7 @@ class point_creation {
 template <class Descriptor, class Camera, class Policy>
 void create_points(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches,
                    const creation_options& options, point_creation<Policy>& result) {
-  check_positive("options.mono_chi2", options.mono_chi2);
-  check_positive("options.stereo_chi2", options.stereo_chi2);
-  check_factor("options.scales.scale_factor", static_cast<double>(options.scales.scale_factor));
-  check_factor("options.scale_tolerance", options.scale_tolerance);
-  require(options.max_parallax_cosine <= 1, "options.max_parallax_cosine", options.max_parallax_cosine,
-          "must be a cosine");
-  check_not_negative("options.max_distance", options.max_distance);
-  const float searched = matches.view().options.scales.scale_factor;
-  if (options.scales.scale_factor != searched) {  // octaves would be compared by two rules
-    const std::string rule = "must be that of the search, " + printed(searched);
-    reject("options.scales.scale_factor", options.scales.scale_factor, rule.c_str());
-  }
+  check_creation_options(options, matches.view().options.scales.scale_factor);
   launch_create_points(ctx.policy(), matches.view(), options, result.make_room(matches.size()));
 }
 

@@ -51,6 +51,7 @@ class match_tracks {
 
   /// See join_tracks().
   void join(context<Policy>& ctx, const matches_type& matches) {
+    searched_ = matches.size();
     matches.plan(ctx, plan_);
     const auto& search = matches.view();
     match_cameras_.clear();
@@ -61,6 +62,8 @@ class match_tracks {
   const track_list& tracks() const { return tracks_; }
   /// The matches that were joined, in (neighbour, query keypoint) order: tracks().outcomes says what became of each.
   const typename matches_type::plan_type& plan() const { return plan_; }
+  /// size() of the correspondences that were joined.
+  int searched() const { return searched_; }
 
  private:
   void read_cameras(context<Policy>& ctx, const matches_type& matches) {
@@ -79,6 +82,7 @@ class match_tracks {
   std::vector<match_cameras> host_cameras_, match_cameras_;
   std::vector<std::int32_t> host_match_;
   typename matches_type::plan_type plan_;
+  int searched_ = 0;
   track_joiner join_;
   track_list tracks_;
 };

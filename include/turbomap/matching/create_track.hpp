@@ -1,0 +1,233 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// One map point from all views of a track: the point nearest to all rays, moved until the reprojection errors are least
+/// (Gauss-Newton). A view that does not fit leaves the track, the worst one first, and the estimate is repeated. Where two
+/// views are left, they are judged like a pair (create_point.hpp), so a track of two views is decided as a match is.
+
+#include "../camera/point_uncertainty.hpp"
+#include "../config.hpp"
+#include "../context.hpp"
+#include "create_point.hpp"
+#include "place_views.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Index = track.
+template <class Descriptor, class Camera>
+struct create_track {
+  track_creation_view<Descriptor, Camera> tracks;
+
+  TURBOMAP_HD void operator()(int t) const {
+    created_track p{};
+    p.method = creation_method::none;
+    const range views{tracks.offsets[t], tracks.offsets[t + 1]};
+    p.views = views.end - views.begin;
+    p.outcome = create(views, p);
+    tracks.points[t] = p;
+  }
+
+ private:
+  struct range {
+    int begin, end;
+  };
+  /// How a point fits the views that are left.
+  struct fit {
+    symmetric3<decision> information;
+    vec3<decision> descent;   ///< minus half the derivative of `cost` by the point
+    decision cost;            ///< sum of squared errors / sigma2
+    decision farthest;        ///< m, of the cameras
+    int worst;                ///< the view with the largest error over its gate
+    decision excess;          ///< that ratio; over 1: the view fails
+    creation_outcome reason;  ///< what it fails in
+    bool behind;              ///< the point is behind `worst`; nothing else is known then
+  };
+
+  TURBOMAP_HD const detail::placed_camera& camera(int i) const {
+    return tracks.placed_cameras[tracks.views[i].keyframe * tracks.cameras + tracks.views[i].camera];
+  }
+  TURBOMAP_HD const Camera& model(int i) const {
+    const track_view& v = tracks.views[i];
+    return tracks.search.keyframes[v.keyframe].cameras[v.camera].camera;
+  }
+  TURBOMAP_HD decision scale(int i) const {
+    const track_view& v = tracks.views[i];
+    return decision(tracks.search.scale[tracks.search.keyframes[v.keyframe].octave[v.keypoint]]);
+  }
+  /// The next view that is left, from i on; views.end: none.
+  TURBOMAP_HD int next(const range& views, int i) const {
+    while (i < views.end && tracks.kept[i] == 0) ++i;
+    return i;
+  }
+  TURBOMAP_HD creation_outcome of_view(int i, creation_outcome query, creation_outcome neighbour) const {
+    return tracks.views[i].keyframe == 0 ? query : neighbour;
+  }
+
+  TURBOMAP_HD creation_outcome create(const range& views, created_track& p) const {
+    for (; p.views > 2; --p.views) {
+      vec3<decision> X;
+      if (!begin(views, p.method, X)) return creation_outcome::low_parallax;
+      const fit f = refine(views, X);
+      if (!f.behind && !(f.excess > decision(1))) return accept(f, X, p);
+      tracks.kept[f.worst] = 0;
+    }
+    p.method = creation_method::none;
+    const int a = next(views, views.begin), b = next(views, a + 1);
+    const creation_outcome outcome = create_from_two(a, b, p);
+    if (outcome != creation_outcome::accepted) return outcome;
+    // Better by the errors in pixels; if that costs a test, the pair's point stays.
+    vec3<decision> X = cast<decision>(p.position), refined = X;
+    fit f = refine(views, refined);
+    if (f.behind || f.excess > decision(1))
+      f = compare(views, X);
+    else
+      X = refined;
+    return accept(f, X, p);
+  }
+  TURBOMAP_HD creation_outcome create_from_two(int a, int b, created_track& p) const {
+    const isometry<decision> T_ba = camera(b).T_cw * inverse(camera(a).T_cw);
+    return detail::create_from_pair<Camera>({tracks.placed_views[a].seen, model(a), camera(a).T_cw, scale(a)},
+                                            {tracks.placed_views[b].seen, model(b), camera(b).T_cw, scale(b)}, T_ba.R,
+                                            tracks.options, p);
+  }
+  TURBOMAP_HD creation_outcome accept(const fit& f, const vec3<decision>& X, created_track& p) const {
+    p.position = {X.x.value, X.y.value, X.z.value};
+    const double most = tracks.options.max_distance;
+    if (most > 0 && f.farthest >= decision(most)) return creation_outcome::too_far;
+    const symmetric3<decision> C = covariance_from(f.information, f.farthest);
+    const auto number = [](decision x) { return static_cast<float>(x.value); };
+    p.covariance = {number(C.xx), number(C.yx), number(C.yy), number(C.zx), number(C.zy), number(C.zz)};
+    return creation_outcome::accepted;
+  }
+
+  /// Where the estimate begins: the point nearest to all rays, if a pair of them has more parallax than a stereo pair of any
+  /// view, else the back-projection of the stereo view of largest parallax. False: neither is possible.
+  TURBOMAP_HD bool begin(const range& views, creation_method& method, vec3<decision>& X) const {
+    method = creation_method::none;
+    decision limit(2);
+    int stereo = -1;
+    for (int i = next(views, views.begin); i < views.end; i = next(views, i + 1)) {
+      const detail::creation_view& v = tracks.placed_views[i].seen;
+      if (!v.stereo || !(v.depth > decision(0)) || !(v.parallax < limit)) continue;
+      limit = v.parallax;
+      stereo = i;
+    }
+    if (stereo < 0) limit = decision(tracks.options.max_parallax_cosine);
+    if (rays_suffice(views, limit)) {
+      method = creation_method::triangulated;
+      X = nearest_to_rays(views);
+      return true;
+    }
+    if (stereo < 0) return false;
+    method = tracks.views[stereo].keyframe == 0 ? creation_method::stereo_query : creation_method::stereo_neighbour;
+    const detail::creation_view& v = tracks.placed_views[stereo].seen;
+    X = inverse(camera(stereo).T_cw) * (v.depth * v.ray);
+    return true;
+  }
+  /// Whether a pair of rays has a parallax below 90 degrees whose cosine is below the limit.
+  TURBOMAP_HD bool rays_suffice(const range& views, const decision& limit) const {
+    for (int i = next(views, views.begin); i < views.end; i = next(views, i + 1))
+      for (int j = next(views, i + 1); j < views.end; j = next(views, j + 1)) {
+        const decision cosine = dot(tracks.placed_views[i].direction, tracks.placed_views[j].direction);
+        if (cosine < limit && cosine > decision(0)) return true;
+      }
+    return false;
+  }
+  /// The point whose squared distances to all rays have the least sum. Rays that suffice are not parallel.
+  TURBOMAP_HD vec3<decision> nearest_to_rays(const range& views) const {
+    symmetric3<decision> A;  // sum of I - d d^T
+    vec3<decision> b{decision(0), decision(0), decision(0)};
+    decision count(0);
+    const vec3<decision> origin = camera(next(views, views.begin)).centre;  // no digits are lost far from the world's
+    for (int i = next(views, views.begin); i < views.end; i = next(views, i + 1)) {
+      const vec3<decision> d = tracks.placed_views[i].direction, c = camera(i).centre - origin;
+      add_outer(A, decision(-1), d);
+      b = b + (c - dot(d, c) * d);
+      count += decision(1);
+    }
+    add_to_diagonal(A, count);
+    return origin + solve(A, b);
+  }
+
+  /// A x = b for a positive definite A. One that is singular but for rounding gives a step that no test lets pass.
+  TURBOMAP_HD static vec3<decision> solve(const symmetric3<decision>& A, const vec3<decision>& b) {
+    return inverse(A, decision(detail::epsilon<decision>::value) * (A.xx + A.yy + A.zz)) * b;
+  }
+
+  /// Moves X to where the errors are least, as far as the options let it, and says how it fits there.
+  TURBOMAP_HD fit refine(const range& views, vec3<decision>& X) const {
+    fit f = compare(views, X);
+    for (int step = 0; step < tracks.options.refinement_steps && !f.behind; ++step) {
+      const vec3<decision> move = solve(f.information, f.descent);
+      if (!(dot(f.descent, move) > decision(tracks.options.refinement_tolerance))) break;
+      const vec3<decision> moved = X + move;
+      const fit g = compare(views, moved);
+      if (g.behind || !(g.cost < f.cost)) break;
+      X = moved;
+      f = g;
+    }
+    return f;
+  }
+
+  /// Reprojects into the views that are left. The scale is compared with the first of them, the query's where it is there.
+  TURBOMAP_HD fit compare(const range& views, const vec3<decision>& X) const {
+    fit f{};
+    f.descent = {decision(0), decision(0), decision(0)};
+    f.cost = f.farthest = f.excess = decision(0);
+    f.behind = false;
+    const creation_options& o = tracks.options;
+    const decision correlation(o.stereo_correlation), one(1);
+    const decision tolerance = decision(o.scale_tolerance) * decision(o.scales.scale_factor);
+    const int first = next(views, views.begin);
+    decision first_size(0);
+    for (int i = first; i < views.end; i = next(views, i + 1)) {
+      const detail::creation_view& v = tracks.placed_views[i].seen;
+      projected_point<decision> p;
+      if (!project_point(model(i), camera(i).T_cw, v.stereo ? v.bf : decision(0), X, p) || !(p.depth > decision(0))) {
+        f.worst = i;
+        f.behind = true;
+        f.reason = of_view(i, creation_outcome::behind_query, creation_outcome::behind_neighbour);
+        return f;
+      }
+      const decision du = p.pixel.x - v.pixel.x, dv = p.pixel.y - v.pixel.y, w = one / v.sigma2;
+      decision squared = du * du + dv * dv;
+      f.cost += w * squared;
+      f.descent = f.descent - (w * du) * p.by_X[0] - (w * dv) * p.by_X[1];
+      if (v.stereo) {
+        const decision dr = p.u_right - v.u_right, e = dr - correlation * du;
+        const decision wr = w / (one - correlation * correlation);
+        squared += dr * dr;
+        f.cost += wr * (e * e);
+        f.descent = f.descent - (wr * e) * (p.by_X[2] - correlation * p.by_X[0]);
+      }
+      add_information(f.information, p, v.stereo, v.sigma2, correlation);
+
+      // A feature found s times farther away is found that many octaves finer: distance times scale is its size.
+      const decision distance = norm(X - camera(i).centre), size = distance * scale(i);
+      if (i == first) first_size = size;
+      if (distance > f.farthest) f.farthest = distance;
+      const decision error = squared * w / decision(v.stereo ? o.stereo_chi2 : o.mono_chi2);
+      const decision ratio = (size > first_size ? size / first_size : first_size / size) / tolerance;
+      if (error > f.excess || ratio > f.excess || i == first) {
+        const bool by_scale = ratio > error;
+        f.worst = i;
+        f.excess = by_scale ? ratio : error;
+        f.reason = by_scale
+                       ? creation_outcome::scale
+                       : of_view(i, creation_outcome::reprojection_query, creation_outcome::reprojection_neighbour);
+      }
+    }
+    return f;
+  }
+};
+
+/// Creates the points of all tracks.
+template <class Derived, class Descriptor, class Camera>
+void launch_create_tracks(const thrust::execution_policy<Derived>& policy,
+                          const track_creation_view<Descriptor, Camera>& tracks) {
+  for_each_index(derived(policy), tracks.track_count, create_track<Descriptor, Camera>{tracks});
+}
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,87 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Tracks in the memory of their policy, as creation reads them: where each camera stands, and the ray of each view in the world,
+/// computed once.
+
+#include <cstdint>
+
+#include "../config.hpp"
+#include "../context.hpp"
+#include "create_point.hpp"
+#include "track_joiner.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+
+/// A camera of a keyframe of the search in the world.
+struct placed_camera {
+  isometry<decision> T_cw;
+  vec3<decision> centre;
+};
+/// A view of a track as creation sees it.
+struct placed_view {
+  creation_view seen;
+  vec3<decision> direction;  ///< of its ray in the world, unit
+};
+
+}  // namespace detail
+
+/// The tracks of one call in the memory of the policy.
+template <class Descriptor, class Camera>
+struct track_creation_view {
+  search_view<Descriptor, Camera> search;
+  creation_options options;
+  const std::int32_t* offsets;  ///< track_count + 1
+  const track_view* views;      ///< of all tracks
+  int track_count;
+  int view_count;
+  int cameras;                            ///< the most of any keyframe
+  detail::placed_camera* placed_cameras;  ///< [keyframe][camera]
+  detail::placed_view* placed_views;      ///< of each view
+  std::uint8_t* kept;                     ///< of each view: whether its track's point is seen there
+  created_track* points;                  ///< of each track
+};
+
+/// Index = keyframe * cameras + camera.
+template <class Descriptor, class Camera>
+struct place_camera {
+  track_creation_view<Descriptor, Camera> tracks;
+
+  TURBOMAP_HD void operator()(int i) const {
+    const int k = i / tracks.cameras, c = i % tracks.cameras;
+    const auto& keyframe = tracks.search.keyframes[k];
+    if (c >= keyframe.camera_count) return;  // a rig with fewer cameras than another one
+    const isometry<decision> T = camera_pose(keyframe.cameras[c], tracks.search.T_cw[k]);
+    tracks.placed_cameras[i] = {T, camera_centre(T)};
+  }
+};
+
+/// Index = view.
+template <class Descriptor, class Camera>
+struct place_view {
+  track_creation_view<Descriptor, Camera> tracks;
+
+  TURBOMAP_HD void operator()(int i) const {
+    const track_view& v = tracks.views[i];
+    const auto& keyframe = tracks.search.keyframes[v.keyframe];
+    detail::placed_view p{detail::look_at(keyframe, v.keypoint, tracks.search.sigma2), {}};
+    const auto& T = tracks.placed_cameras[v.keyframe * tracks.cameras + v.camera].T_cw;
+    p.direction = transpose(T.R) * ((decision(1) / norm(p.seen.ray)) * p.seen.ray);
+    tracks.placed_views[i] = p;
+    tracks.kept[i] = 1;
+  }
+};
+
+/// Poses of all cameras, rays of all views.
+template <class Derived, class Descriptor, class Camera>
+void launch_place_views(const thrust::execution_policy<Derived>& policy,
+                        const track_creation_view<Descriptor, Camera>& tracks) {
+  for_each_index(derived(policy), (1 + tracks.search.neighbour_count) * tracks.cameras,
+                 place_camera<Descriptor, Camera>{tracks});
+  for_each_index(derived(policy), tracks.view_count, place_view<Descriptor, Camera>{tracks});
+}
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,110 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Map points from tracks: one point with all its views for each landmark that a search has found, instead of one per match.
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "../array.hpp"
+#include "../config.hpp"
+#include "../context.hpp"
+#include "../error.hpp"
+#include "create_track.hpp"
+#include "creation_check.hpp"
+#include "tracks.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Candidate map points of the tracks of one search. Make one and use it for every call. Move-only.
+template <class Policy>
+class track_creation {
+ public:
+  using memory_type = memory_of_t<Policy>;
+
+  explicit track_creation(const context<Policy>& ctx)
+      : inputs_(ctx.resource()),
+        cameras_(ctx.resource()),
+        views_(ctx.resource()),
+        kept_(ctx.resource()),
+        points_(ctx.resource()) {}
+
+  /// All tracks with their outcome, in their order, equal to the last bit on every policy. Waits. O(views).
+  /// \param kept  of each view of track_list::views: 1 where the point of its track is seen there, 0 where the view was
+  ///              left out because it does not fit; meaningful for accepted tracks
+  void plan(context<Policy>& ctx, std::vector<created_track>& points, std::vector<std::uint8_t>& kept) const {
+    points.resize(points_.size());
+    kept.resize(kept_.size());
+    copy_out(ctx.policy(), points.data(), points_.data(), points.size() * sizeof(created_track));
+    copy_out(ctx.policy(), kept.data(), kept_.data(), kept.size());
+    ctx.synchronize();
+  }
+
+  /// See create_track_points().
+  template <class Descriptor, class Camera>
+  void create(context<Policy>& ctx, const search_view<Descriptor, Camera>& search, const track_list& tracks,
+              const creation_options& options) {
+    track_creation_view<Descriptor, Camera> v{};
+    v.search = search;
+    v.options = options;
+    v.track_count = static_cast<int>(tracks.size());
+    v.view_count = static_cast<int>(tracks.views.size());
+    v.cameras = search.query_cameras > search.neighbour_cameras ? search.query_cameras : search.neighbour_cameras;
+    const auto placed = static_cast<std::size_t>((1 + search.neighbour_count) * v.cameras);
+    points_.resize_discard(0), kept_.resize_discard(0);  // from here on memory may run out
+    cameras_.resize_discard(placed);
+    views_.resize_discard(tracks.views.size());
+    packed_inputs inputs;
+    const auto offsets = inputs.place<std::int32_t>(tracks.offsets.size());
+    const auto views = inputs.place<track_view>(tracks.views.size());
+    const upload_block block = ctx.begin_upload(inputs_, inputs.bytes());
+    offsets.copy(block, tracks.offsets.data());
+    views.copy(block, tracks.views.data());
+    ctx.send(block, inputs.bytes());
+    points_.resize_discard(tracks.size());
+    kept_.resize_discard(tracks.views.size());
+    v.offsets = offsets.resident(block);
+    v.views = views.resident(block);
+    v.placed_cameras = cameras_.data();
+    v.placed_views = views_.data();
+    v.kept = kept_.data();
+    v.points = points_.data();
+    if (v.track_count == 0) return;
+    launch_place_views(ctx.policy(), v);
+    launch_create_tracks(ctx.policy(), v);
+  }
+
+ private:
+  array<std::byte, memory_type> inputs_;
+  array<detail::placed_camera, memory_type> cameras_;
+  array<detail::placed_view, memory_type> views_;
+  array<std::uint8_t, memory_type> kept_;
+  array<created_track, memory_type> points_;
+};
+
+/// Creates and tests one point for each track. The point nearest to the rays of all views is moved by at most
+/// options.refinement_steps Gauss-Newton steps on the reprojection errors, u_right included, by octave. Where the largest
+/// angle between rays is less than that of a stereo pair, the estimate begins with the depth of the stereo keypoint. Each
+/// view must then lie in front of its camera, reproject within its gate, and agree in scale with the first view that is
+/// left (the query's where it is); while one does not, the view with the largest error over its gate leaves and the
+/// estimate is repeated. Two views are decided as create_points() decides a match, then refined.
+/// \param matches  the search that was joined; its keyframes must still be there
+/// \param tracks   of these matches
+/// \param result   overwritten. Under CUDA the work may still be running on return
+/// \throws std::invalid_argument  an option is not finite or out of range, the scale factor is not that of the search, or
+///         tracks are not of the matches; nothing is changed
+/// Decisions and positions are equal to the last bit on every policy. O(views^2) per track where many views leave.
+template <class Descriptor, class Camera, class Policy>
+void create_track_points(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches,
+                         const match_tracks<Descriptor, Camera, Policy>& tracks, const creation_options& options,
+                         track_creation<Policy>& result) {
+  check_creation_options(options, matches.view().options.scales.scale_factor);
+  require(tracks.searched() == matches.size(), "tracks", tracks.searched(),
+          "are not of the matches: of another number");
+  result.create(ctx, matches.view(), tracks.tracks(), options);
+}
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,151 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+// Points from tracks against their oracle; two views as a pair; bad input.
+
+#include <thrust/execution_policy.h>
+
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "support/policies.hpp"
+#include "track_creation_cases.hpp"
+
+namespace {
+
+using namespace turbomap_test;
+using turbomap::creation_options;
+using turbomap::creation_outcome;
+using turbomap::search_options;
+
+/// Matches of all sorts, good and absurd.
+search_options wide_gates() {
+  search_options o;
+  o.max_distance = 256, o.line_chi2 = 60, o.epipole_radius = 2, o.reprojection_chi2 = 30, o.max_parallax_cosine = 1;
+  return o;
+}
+scene_recipe many_views(unsigned seed, motion how) {
+  scene_recipe recipe;
+  recipe.seed = seed, recipe.how = how, recipe.mapped = 0.1, recipe.neighbours = 6;
+  recipe.query_keypoints = recipe.neighbour_keypoints = 200;
+  recipe.prototypes = 60, recipe.landmarks = 0.9;
+  return recipe;
+}
+
+template <class Policy, class Camera>
+track_point_tally check_rig(const test_rig<Camera>& rig, unsigned seed, const creation_options& options, long least) {
+  track_point_tally t;
+  for (const motion how : {motion::sideways, motion::forward, motion::backward, motion::along_axis, motion::anything}) {
+    scene<orb, Camera> s(rig, many_views(seed++, how));
+    check_track_creation(Policy{}, s, search_options{}, options, t);
+    check_track_creation(Policy{}, s, wide_gates(), options, t);
+  }
+  check_track_points(t, least);
+  return t;
+}
+
+TEST_CASE_TEMPLATE("points of tracks are made as the oracle says", Policy, TURBOMAP_TEST_POLICIES) {
+  const auto mono = check_rig<Policy>(pinhole_rig(), 1, {}, 100);
+  const auto stereo = check_rig<Policy>(pinhole_rig(50), 11, {}, 200);
+  const auto fish = check_rig<Policy>(fisheye_rig(), 21, {}, 100);
+  const auto three = check_rig<Policy>(fisheye_rig(3), 31, {}, 50);
+  CHECK(mono.of_many + stereo.of_many + fish.of_many + three.of_many > 300);
+  CHECK(mono.lost_views + stereo.lost_views + fish.lost_views + three.lost_views > 30);
+  for (const creation_outcome o :
+       {creation_outcome::low_parallax, creation_outcome::behind_query, creation_outcome::behind_neighbour,
+        creation_outcome::reprojection_query, creation_outcome::reprojection_neighbour, creation_outcome::scale}) {
+    const auto i = static_cast<std::size_t>(o);
+    CAPTURE(i);
+    CHECK(mono.outcomes[i] + stereo.outcomes[i] + fish.outcomes[i] > 0);
+  }
+  CHECK((stereo.methods[2] > 0 && stereo.methods[3] > 0));
+}
+
+TEST_CASE("other options, rigs of mixed models") {
+  creation_options o;
+  o.max_parallax_cosine = 0.9996, o.mono_chi2 = 2, o.stereo_chi2 = 20, o.scale_tolerance = 1, o.max_distance = 4;
+  o.stereo_correlation = 31.0 / 32, o.refinement_steps = 1, o.refinement_tolerance = 0;
+  const auto stereo = check_rig<sequential>(pinhole_rig(50), 41, o, 20);
+  CHECK(stereo.outcomes[static_cast<std::size_t>(creation_outcome::too_far)] > 0);
+  check_rig<sequential>(mixed_rig(), 51, o, 10);
+  o.refinement_steps = 0;
+  check_rig<sequential>(pinhole_rig(), 61, o, 10);
+}
+
+TEST_CASE("a track of two views is decided as a pair") {
+  long tracks = 0, accepted = 0, farther = 0;
+  for (unsigned seed = 1; seed <= 4; ++seed) {
+    auto recipe = many_views(seed, motion::sideways);
+    recipe.neighbours = 1;
+    scene<orb, pinhole_camera> s(pinhole_rig(seed % 2 == 0 ? 50 : 0), recipe);
+    search_options search;
+    creation_options creation;
+    search.scales = creation.scales = s.scales();
+    const auto pairs = create_under(sequential{}, s, search, creation);
+    const auto got = create_tracks_under(sequential{}, s, search, creation);
+    for (std::size_t t = 0; t < got.tracks.size(); ++t) {
+      const auto at = static_cast<std::size_t>(got.tracks.offsets[t]);
+      const auto pair =
+          std::find_if(pairs.begin(), pairs.end(), [&](auto& p) { return p.query == got.tracks.views[at].keypoint; });
+      REQUIRE(pair != pairs.end());
+      CHECK(pair->outcome == got.points[t].outcome);
+      CHECK(pair->method == got.points[t].method);
+      ++tracks;
+      if (pair->outcome != creation_outcome::accepted) continue;
+      ++accepted;
+      farther += turbomap::norm(pair->position - got.points[t].position) > 0 ? 1 : 0;  // refined
+    }
+  }
+  CHECK(tracks > 100);
+  CHECK(accepted > 50);
+  CHECK(farther > 20);
+}
+
+TEST_CASE("nothing found, nothing created") {
+  scene_recipe recipe;
+  for (const bool no_query : {true, false}) {
+    recipe.query_keypoints = no_query ? 0 : 20, recipe.neighbours = no_query ? 2 : 0;
+    scene<orb, pinhole_camera> s(pinhole_rig(), recipe);
+    CHECK(create_tracks_under(sequential{}, s, {}, {}).points.empty());
+  }
+}
+
+TEST_CASE("bad options and tracks of another search are refused, and the last points stay") {
+  scene<orb, pinhole_camera> s(pinhole_rig(50), many_views(3, motion::sideways));
+  turbomap::context<sequential> ctx{};
+  const resident_scene<orb, pinhole_camera, sequential> keyframes(ctx, s);
+  const auto found = turbomap::search_correspondences(ctx, keyframes.query(), keyframes.neighbours());
+  turbomap::match_tracks<orb, pinhole_camera, sequential> joined(ctx);
+  turbomap::join_tracks(ctx, found, joined);
+  turbomap::track_creation<sequential> made(ctx);
+  turbomap::create_track_points(ctx, found, joined, {}, made);
+  std::vector<turbomap::created_track> before, after;
+  std::vector<std::uint8_t> kept;
+  made.plan(ctx, before, kept);
+  REQUIRE(!before.empty());
+  const auto refused = [&](const char* name, auto set) {
+    CAPTURE(name);
+    for (const double value : {-1.0, std::numeric_limits<double>::quiet_NaN()}) {
+      creation_options o;
+      set(o, value);
+      std::string message;
+      try {
+        turbomap::create_track_points(ctx, found, joined, o, made);
+      } catch (const std::invalid_argument& e) {
+        message = e.what();
+      }
+      CHECK(message.find(std::string("options.") + name + " = ") != std::string::npos);
+    }
+    made.plan(ctx, after, kept);
+    CHECK(same(before, after));
+  };
+  refused("mono_chi2", [](creation_options& o, double v) { o.mono_chi2 = v; });
+  refused("refinement_tolerance", [](creation_options& o, double v) { o.refinement_tolerance = v; });
+  refused("refinement_steps", [](creation_options& o, double) { o.refinement_steps = -1; });
+  refused("stereo_correlation", [](creation_options& o, double v) { o.stereo_correlation = v; });
+  const auto fewer = turbomap::search_correspondences(ctx, keyframes.query(), keyframes.neighbours().subspan(0, 1));
+  CHECK_THROWS_AS(turbomap::create_track_points(ctx, fewer, joined, {}, made), std::invalid_argument);
+}
+
+}  // namespace

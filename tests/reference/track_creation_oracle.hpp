@@ -1,0 +1,216 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Points from tracks as their definition reads, one track after the other, in plain double. Two views are decided by the
+/// oracle of pairs.
+
+#include <turbomap/matching/track_joiner.hpp>
+#include <turbomap/math/dual.hpp>
+
+#include <vector>
+
+#include "creation_oracle.hpp"
+
+namespace turbomap_test {
+
+/// What became of one track.
+struct oracle_track_point {
+  turbomap::creation_outcome outcome;
+  turbomap::creation_method method = turbomap::creation_method::none;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  std::vector<char> kept;  ///< by view of the track
+  bool doubtful = false;   ///< hung on a close call
+};
+
+TURBOMAP_TEST_EIGEN_BEGIN
+template <class Camera>
+class track_oracle {
+ public:
+  using outcome = turbomap::creation_outcome;
+  using sight = oracle_sight<Camera>;
+
+  /// \param of_query  whether a view is of the query
+  track_oracle(std::vector<sight> views, std::vector<char> of_query, const turbomap::creation_options& options)
+      : views_(std::move(views)), of_query_(std::move(of_query)), options_(options) {}
+
+  oracle_track_point operator()() {
+    result_.kept.assign(views_.size(), 1);
+    result_.outcome = decide();
+    result_.doubtful = calls_.any;
+    return result_;
+  }
+
+ private:
+  struct fit {
+    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d descent = Eigen::Vector3d::Zero();
+    double cost = 0, farthest = 0, excess = 0;
+    std::size_t worst = 0;
+    bool behind = false;
+  };
+
+  std::vector<std::size_t> left() const {
+    std::vector<std::size_t> all;
+    for (std::size_t i = 0; i < views_.size(); ++i)
+      if (result_.kept[i] != 0) all.push_back(i);
+    return all;
+  }
+  Eigen::Vector3d centre(std::size_t i) const { return views_[i].T_cw.inverse().t; }
+  Eigen::Vector3d direction(std::size_t i) const { return (views_[i].T_cw.R.transpose() * views_[i].ray).normalized(); }
+
+  outcome decide() {
+    for (auto views = left(); views.size() > 2; views = left()) {
+      Eigen::Vector3d x;
+      if (!begin(views, x)) return outcome::low_parallax;
+      const fit f = refine(views, x);
+      if (!f.behind && !calls_.less(1, f.excess)) return accept(f, x);
+      result_.kept[f.worst] = 0;
+    }
+    const auto views = left();
+    turbomap::created_point p{};
+    p.method = turbomap::creation_method::none;
+    const outcome o = oracle_outcome(views_[views[0]], views_[views[1]], options_, p, calls_);
+    result_.method = p.method;
+    if (o != outcome::accepted) return o;
+    const Eigen::Vector3d x(p.position.x, p.position.y, p.position.z);
+    Eigen::Vector3d refined = x;
+    const fit f = refine(views, refined);
+    if (f.behind || calls_.less(1, f.excess)) return accept(compare(views, x), x);
+    return accept(f, refined);
+  }
+
+  outcome accept(const fit& f, const Eigen::Vector3d& x) {
+    if (options_.max_distance > 0 && !calls_.less(f.farthest, options_.max_distance)) return outcome::too_far;
+    result_.position = x;
+    result_.covariance = (f.information + Eigen::Matrix3d::Identity() / (f.farthest * f.farthest)).inverse();
+    return outcome::accepted;
+  }
+
+  bool begin(const std::vector<std::size_t>& views, Eigen::Vector3d& x) {
+    result_.method = turbomap::creation_method::none;
+    double limit = 2;
+    const std::size_t none = views_.size();
+    std::size_t stereo = none;
+    for (const std::size_t i : views)
+      if (views_[i].stereo && views_[i].depth > 0 && calls_.less(views_[i].parallax, limit, 1))
+        limit = views_[i].parallax, stereo = i;
+    if (stereo == none) limit = options_.max_parallax_cosine;
+    bool suffice = false;
+    for (std::size_t a = 0; a < views.size(); ++a)
+      for (std::size_t b = a + 1; b < views.size(); ++b) {
+        const double cosine = direction(views[a]).dot(direction(views[b]));
+        if (calls_.less(cosine, limit, 1) && calls_.less(0, cosine, 1)) suffice = true;
+      }
+    using method = turbomap::creation_method;
+    if (suffice) {
+      result_.method = method::triangulated;
+      Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+      Eigen::Vector3d b = Eigen::Vector3d::Zero();
+      for (const std::size_t i : views) {
+        const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - direction(i) * direction(i).transpose();
+        A += across, b += across * (centre(i) - centre(views[0]));
+      }
+      x = centre(views[0]) + A.ldlt().solve(b);
+      return true;
+    }
+    if (stereo == none) return false;
+    result_.method = of_query_[stereo] != 0 ? method::stereo_query : method::stereo_neighbour;
+    x = views_[stereo].stereo_point();
+    return true;
+  }
+
+  fit refine(const std::vector<std::size_t>& views, Eigen::Vector3d& x) {
+    fit f = compare(views, x);
+    for (int step = 0; step < options_.refinement_steps && !f.behind; ++step) {
+      const Eigen::Vector3d move = f.information.ldlt().solve(f.descent);
+      if (!calls_.less(options_.refinement_tolerance, f.descent.dot(move))) break;
+      const fit g = compare(views, x + move);
+      if (g.behind || !calls_.less(g.cost, f.cost)) break;
+      x += move;
+      f = g;
+    }
+    return f;
+  }
+
+  fit compare(const std::vector<std::size_t>& views, const Eigen::Vector3d& x) {
+    fit f;
+    double first_size = 0;
+    for (const std::size_t i : views) {
+      const sight& s = views_[i];
+      const Eigen::Vector3d x_c = s.T_cw * x;
+      Eigen::VectorXd e;
+      Eigen::MatrixXd J;
+      if (!project(s, x_c, e, J) || !calls_.less(0, x_c.z(), x_c.norm())) {
+        f.worst = i, f.behind = true;
+        return f;
+      }
+      Eigen::MatrixXd N = s.sigma2 * Eigen::MatrixXd::Identity(e.size(), e.size());
+      if (s.stereo) N(0, 2) = N(2, 0) = options_.stereo_correlation * s.sigma2;
+      const Eigen::MatrixXd W = N.inverse();
+      f.information += J.transpose() * W * J;
+      f.descent -= J.transpose() * W * e;
+      f.cost += e.dot(W * e);
+      const double distance = (x - centre(i)).norm(), size = distance * s.scale;
+      if (i == views[0]) first_size = size;
+      f.farthest = std::max(f.farthest, distance);
+      const double error = e.squaredNorm() / (s.sigma2 * (s.stereo ? options_.stereo_chi2 : options_.mono_chi2));
+      const double ratio = std::max(size / first_size, first_size / size) /
+                           (options_.scale_tolerance * static_cast<double>(options_.scales.scale_factor));
+      const double excess = std::max(error, ratio);
+      if (i == views[0] || calls_.less(f.excess, excess)) f.worst = i, f.excess = excess;
+    }
+    return f;
+  }
+
+  /// Error and derivative by the point in the world.
+  static bool project(const sight& s, const Eigen::Vector3d& x, Eigen::VectorXd& e, Eigen::MatrixXd& J) {
+    using D = turbomap::dual<3>;
+    turbomap::vec2<D> p;
+    const turbomap::vec3<D> X{D::variable(x.x(), 0), D::variable(x.y(), 1), D::variable(x.z(), 2)};
+    if (!s.camera->project(X, p)) return false;
+    const D right = p.x - D(s.bf) / X.z;
+    e.resize(s.stereo ? 3 : 2), J.resize(e.size(), 3);
+    e[0] = p.x.a - s.pixel.x(), e[1] = p.y.a - s.pixel.y();
+    for (int k = 0; k < 3; ++k) J(0, k) = p.x.d[k], J(1, k) = p.y.d[k];
+    if (s.stereo) {
+      e[2] = right.a - s.u_right;
+      for (int k = 0; k < 3; ++k) J(2, k) = right.d[k];
+    }
+    J = (J * s.T_cw.R).eval();
+    return true;
+  }
+
+  std::vector<sight> views_;
+  std::vector<char> of_query_;
+  turbomap::creation_options options_;
+  close_calls calls_;
+  oracle_track_point result_;
+};
+TURBOMAP_TEST_EIGEN_END
+
+/// What becomes of each track. The views are in host memory.
+template <class Descriptor, class Camera>
+std::vector<oracle_track_point> track_creation_oracle(
+    const turbomap::posed_keyframe<Descriptor, Camera>& query,
+    turbomap::span<const turbomap::posed_keyframe<Descriptor, Camera>> neighbours, const turbomap::track_list& tracks,
+    const turbomap::creation_options& options) {
+  std::vector<oracle_track_point> points;
+  for (std::size_t t = 0; t < tracks.size(); ++t) {
+    std::vector<oracle_sight<Camera>> views;
+    std::vector<char> of_query;
+    for (auto i = static_cast<std::size_t>(tracks.offsets[t]); i < static_cast<std::size_t>(tracks.offsets[t + 1]);
+         ++i) {
+      const auto& v = tracks.views[i];
+      const auto& keyframe = v.keyframe == 0 ? query : neighbours[static_cast<std::size_t>(v.keyframe) - 1];
+      views.push_back(oracle_look(keyframe, v.keypoint, options.scales));
+      of_query.push_back(v.keyframe == 0 ? 1 : 0);
+    }
+    points.push_back(track_oracle<Camera>(std::move(views), std::move(of_query), options)());
+  }
+  return points;
+}
+
+}  // namespace turbomap_test
