@@ -55,6 +55,19 @@ TEST_CASE_TEMPLATE("gate, ratio, octaves, without ranges", Policy, TURBOMAP_TEST
   CHECK(any.outcomes[static_cast<std::size_t>(projection_outcome::lost)] > 20);
 }
 
+TEST_CASE_TEMPLATE("points that are not exact", Policy, TURBOMAP_TEST_TWO_POLICIES) {
+  duplicate_recipe recipe = crowded(200);
+  recipe.uncertain = 0.7;
+  projection_options options;
+  check_duplicate_tally(check_projection_scenes(Policy{}, std::vector{pinhole_rig(50)}, recipe, options), 5, 0.01);
+  options.stereo_correlation = 0.9, options.max_radius = 12, options.gate = projection_gate::all;
+  check_duplicate_tally(check_projection_scenes(Policy{}, std::vector{pinhole_rig(50)}, recipe, options), 5, 0.01);
+  options.gate = projection_gate::none, options.window_sigmas = 1.5;
+  check_duplicate_tally(check_projection_scenes(Policy{}, fisheye_rigs(), recipe, options), 5, 0.01);
+  recipe.not_finite = 0.5, options = {};
+  check_duplicate_tally(check_projection_scenes(Policy{}, std::vector{mixed_rig()}, recipe, options), 5, 0.01);
+}
+
 TEST_CASE("points on the threshold, numbers that are not finite, any grid") {
   duplicate_recipe recipe = crowded(90);
   recipe.on_edge = 0.5, recipe.not_finite = 0.2, recipe.off_unit = 5e-4;
@@ -205,6 +218,32 @@ TEST_CASE("candidate octaves, and the gate") {
   CHECK(h.outcome() == projection_outcome::matched);
 }
 
+TEST_CASE("a point with a covariance: the window holds the ellipse, the gate allows it, zero is exact") {
+  by_hand h;  // 128 px at 4 m: 32 px per m
+  h.add_point();
+  h.add(64 + 20, 0);
+  h.s.covariance.resize(1);
+  CHECK(h.outcome() == projection_outcome::no_keypoint);
+  h.s.covariance[0].zz = 9;  // along the ray: nothing changes
+  CHECK(h.outcome() == projection_outcome::no_keypoint);
+  h.s.covariance[0].xx = 0.0625;  // 8 px, and the keypoint's own 2: 8.2; the gate allows 20.2 and the window 24.7
+  CHECK(h.outcome() == projection_outcome::matched);
+  h.options.mono_chi2 = 5.8;  // 19.9
+  CHECK(h.outcome() == projection_outcome::no_consistent_keypoint);
+  h.options.gate = projection_gate::none;
+  CHECK(h.outcome() == projection_outcome::matched);
+  h.options.max_radius = 20;
+  CHECK(h.outcome() == projection_outcome::no_keypoint);
+  h.options.max_radius = 40, h.options.window_sigmas = 2;  // 16.5
+  CHECK(h.outcome() == projection_outcome::no_keypoint);
+  h.options.window_sigmas = 2.5;
+  CHECK(h.outcome() == projection_outcome::matched);
+  h.s.covariance[0] = {}, h.s.covariance[0].yy = 0.0625;  // the other axis
+  CHECK(h.outcome() == projection_outcome::no_keypoint);
+  h.s.covariance[0].yx = std::numeric_limits<float>::quiet_NaN();
+  CHECK(h.outcome() == projection_outcome::behind);
+}
+
 TEST_CASE("bad options and flags are refused by name, and the last result stays") {
   duplicate_scene<orb, pinhole_camera> s({pinhole_rig(50)}, crowded(7));
   auto targets = s.targets();
@@ -236,6 +275,10 @@ TEST_CASE("bad options and flags are refused by name, and the last result stays"
     refused("options.oblique_cosine = ", [&](auto& o) { o.oblique_cosine = v; });
   for (const double v : {-1.0, 0.0, nan}) refused("options.oblique_factor = ", [&](auto& o) { o.oblique_factor = v; });
   for (const double v : {0.0, 1.01, nan}) refused("options.max_ratio = ", [&](auto& o) { o.max_ratio = v; });
+  for (const double v : {-0.1, 1.0, nan})
+    refused("options.stereo_correlation = ", [&](auto& o) { o.stereo_correlation = v; });
+  for (const double v : {-1.0, nan}) refused("options.window_sigmas = ", [&](auto& o) { o.window_sigmas = v; });
+  for (const double v : {-1.0, 0.0, nan}) refused("options.max_radius = ", [&](auto& o) { o.max_radius = v; });
   refused("options.finer_octaves = -1", [](auto& o) { o.finer_octaves = -1; });
   refused("options.coarser_octaves = -1", [](auto& o) { o.coarser_octaves = -1; });
   targets[1].taken = targets[1].taken.subspan(0, 3);

@@ -24,7 +24,7 @@ TEST_CASE("fisheye rigs of one to three cameras") {
   const stream on;
   check_duplicate_tally(check_projection_scenes(on.policy(), fisheye_rigs(), crowded(30), wide()), 10, 0.01);
 }
-TEST_CASE("gate and ratio, real descriptors, little to do") {
+TEST_CASE("gate and ratio, points that are not exact, real descriptors, little to do") {
   const stream on;
   projection_options options = wide();
   options.gate = turbomap::projection_gate::all, options.max_ratio = 0.8;
@@ -33,6 +33,9 @@ TEST_CASE("gate and ratio, real descriptors, little to do") {
   CHECK(check_projection_scenes<turbomap::real_descriptor<float, 64>>(on.policy(), std::vector{pinhole_rig(50)},
                                                                       crowded(50), options)
             .differences == 0);
+  duplicate_recipe uncertain = crowded(200);
+  uncertain.uncertain = 0.7, uncertain.not_finite = 0.2;
+  check_duplicate_tally(check_projection_scenes(on.policy(), std::vector{mixed_rig()}, uncertain, {}), 5, 0.01);
   for (const auto& [targets, points, clutter] : {std::array{0, 0, 0}, std::array{1, 1, 0}, std::array{1, 65, 0}}) {
     duplicate_recipe recipe = crowded(100);
     recipe.targets = targets, recipe.points = points, recipe.clutter = clutter;

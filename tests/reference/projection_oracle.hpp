@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "two_views.hpp"
+#include "uncertainty_oracle.hpp"
 
 namespace turbomap_test {
 
@@ -71,6 +72,8 @@ oracle_trial<Descriptor> oracle_projection(const turbomap::map_point_view<Descri
 
   const Eigen::Vector3d X(points.position[p].x, points.position[p].y, points.position[p].z);
   if (!X.allFinite()) return ends(projection_outcome::behind, calls);
+  const Eigen::Matrix3d Sigma = points.covariance == nullptr ? Eigen::Matrix3d::Zero() : to_eigen(points.covariance[p]);
+  if (!Sigma.allFinite()) return ends(projection_outcome::behind, calls);
   const oracle_pose T = to_oracle_pose(mounted.T_camera_body) * to_oracle_pose(target.T_cw);
   const Eigen::Vector3d x = T * X;
   if (!calls.less(0, x.z(), X.norm() + T.t.norm())) return ends(projection_outcome::behind, calls);
@@ -113,11 +116,26 @@ oracle_trial<Descriptor> oracle_projection(const turbomap::map_point_view<Descri
 
   Eigen::Matrix3d K;
   const bool stereo_camera = pinhole_matrix(mounted.camera, K) && mounted.bf > 0;
+
+  // Of a point with a covariance: derivatives are numeric, so comparisons are closer calls.
+  const bool uncertain = !Sigma.isZero(0);
+  oracle_view<Camera> seen{mounted.camera, T, stereo_camera ? mounted.bf : 0.0};
+  seen.sigma2 = oracle_sigma2(options.scales, level < 0 ? options.window_octave : level);
+  const double numeric = uncertain ? 1e4 : 1;
+  Eigen::Vector2d window(radius, radius);
+  if (uncertain && options.window_sigmas > 0) {
+    const Eigen::MatrixXd spread = oracle_spread(seen, X, Sigma);
+    const Eigen::Vector2d deviation(std::sqrt(spread(0, 0)), std::sqrt(spread(1, 1)));
+    window = window.cwiseMax((options.window_sigmas * deviation).cwiseMin(options.max_radius));
+  }
+  using turbomap::projection_gate;
+  const bool gated = options.gate == projection_gate::all || (options.gate == projection_gate::uncertain && uncertain);
   bool in_window = false;
   double second = std::numeric_limits<double>::infinity();
   for (const int k : order) {
     const Eigen::Vector2d residual = pixel_of(view, k) - uv;
-    if (!calls.less(std::abs(residual.x()), radius, size) || !calls.less(std::abs(residual.y()), radius, size))
+    if (!calls.less(std::abs(residual.x()), window.x(), size * numeric) ||
+        !calls.less(std::abs(residual.y()), window.y(), size * numeric))
       continue;
     in_window = true;
     if (!target.taken.empty() && target.taken[static_cast<std::size_t>(k)] != 0) continue;
@@ -126,10 +144,15 @@ oracle_trial<Descriptor> oracle_projection(const turbomap::map_point_view<Descri
     const double sigma2 = oracle_sigma2(options.scales, view.octave[k]);
     const bool stereo = stereo_camera && view.is_stereo(k);
     const double right = stereo ? view.u_right[k] - (uv.x() - mounted.bf / x.z()) : 0;
-    const double chi2 = (residual.squaredNorm() + right * right) / sigma2;
-    if (options.gate == turbomap::projection_gate::all &&
-        !calls.at_most(chi2, stereo ? options.stereo_chi2 : options.mono_chi2, size))
-      continue;
+    double chi2 = (residual.squaredNorm() + right * right) / sigma2;
+    if (uncertain) {
+      seen.bf = stereo ? mounted.bf : 0, seen.sigma2 = sigma2, seen.correlation = options.stereo_correlation;
+      Eigen::VectorXd e(seen.size());
+      e(0) = residual.x(), e(1) = residual.y();
+      if (stereo) e(2) = right;
+      chi2 = e.dot(oracle_spread(seen, X, Sigma).ldlt().solve(e));
+    }
+    if (gated && !calls.at_most(chi2, stereo ? options.stereo_chi2 : options.mono_chi2, size * numeric)) continue;
     const auto d = Descriptor::distance(points.descriptor + static_cast<std::size_t>(p) * Descriptor::elements,
                                         view.descriptor_of(k));
     if (trial.keypoint >= 0) second = std::min(second, static_cast<double>(std::max(d, trial.distance)));

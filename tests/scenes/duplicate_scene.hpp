@@ -34,6 +34,7 @@ struct duplicate_recipe {
   double stereo = 0.5;          ///< share of u_right where the rig has bf
   double skip = 0.1;            ///< share of points that are skipped in a camera; < 0: an empty list
   double taken = 0;             ///< share of keypoints that hold a point; 0: an empty list
+  double uncertain = 0;         ///< share of points with a covariance; 0: none has one
   double on_edge = 0;           ///< share of points that stand on a threshold as exactly as they can
   double not_finite = 0;        ///< share of points with a number that is none
   double off_unit = 0;          ///< of the squared norm of the quaternions from 1, at most
@@ -79,7 +80,8 @@ class duplicate_scene {
             normal.data(),
             min_distance.data(),
             max_distance.data(),
-            descriptors.data()};
+            descriptors.data(),
+            covariance.empty() ? nullptr : covariance.data()};
   }
   /// Target t with its packed form at `base`.
   target at(std::size_t t, std::byte* base) const {
@@ -113,6 +115,7 @@ class duplicate_scene {
   std::vector<turbomap::vec3<float>> normal;
   std::vector<float> min_distance, max_distance;
   std::vector<element> descriptors;
+  std::vector<turbomap::point_covariance> covariance;
 
  private:
   using frame = scene_frame<Descriptor, Camera>;
@@ -187,7 +190,7 @@ class duplicate_scene {
   void add_point(int p) {
     const frame& f = frames[static_cast<std::size_t>(below(recipe_.targets))];
     const auto& c = f.cameras[static_cast<std::size_t>(below(cameras(f)))];
-    const oracle_view view(f, c);
+    const camera_pose view(f, c);
     turbomap::vec3<double> ray{0, 0, 1};
     const Eigen::Vector2d uv = anywhere(f);
     c.camera.unproject(turbomap::vec2<double>{uv.x(), uv.y()}, ray);
@@ -213,13 +216,24 @@ class duplicate_scene {
     const int prototype = below(recipe_.prototypes);
     append_descriptor(descriptors, prototype);
     for (frame& other : frames) see(other, X, octave, prototype);
+    if (recipe_.uncertain > 0) add_covariance(d, along);
     if (chance(recipe_.not_finite)) spoil(static_cast<std::size_t>(p));
   }
 
-  struct oracle_view {
+  /// Far less is known along the ray of a view than across it.
+  void add_covariance(double d, const Eigen::Vector3d& along) {
+    const Eigen::Vector3d ray = (along + uniform(0, 0.5) * direction()).normalized();
+    const double depth = d * uniform(0, 0.2), across = d * uniform(0, 0.01), known = chance(recipe_.uncertain) ? 1 : 0;
+    const Eigen::Matrix3d C =
+        known * (depth * depth * ray * ray.transpose() + across * across * Eigen::Matrix3d::Identity());
+    covariance.push_back({static_cast<float>(C(0, 0)), static_cast<float>(C(1, 0)), static_cast<float>(C(1, 1)),
+                          static_cast<float>(C(2, 0)), static_cast<float>(C(2, 1)), static_cast<float>(C(2, 2))});
+  }
+
+  struct camera_pose {
     Eigen::Matrix3d R;
     Eigen::Vector3d t, centre;
-    oracle_view(const frame& f, const turbomap::rig_camera<Camera>& c) {
+    camera_pose(const frame& f, const turbomap::rig_camera<Camera>& c) {
       const Eigen::Isometry3d T = to_eigen(c.T_camera_body) * to_eigen(f.T_cw);
       R = T.linear(), t = T.translation(), centre = -(R.transpose() * t);
     }
@@ -228,7 +242,7 @@ class duplicate_scene {
   void see(frame& f, const Eigen::Vector3d& X, int octave, int prototype) {
     for (int c = 0; c < cameras(f); ++c) {
       const auto& camera = f.cameras[static_cast<std::size_t>(c)];
-      const oracle_view view(f, camera);
+      const camera_pose view(f, camera);
       const Eigen::Vector3d x = view.R * X + view.t;
       turbomap::vec2<double> uv{};
       if (!camera.camera.project(turbomap::vec3<double>{x.x(), x.y(), x.z()}, uv)) continue;
@@ -248,8 +262,10 @@ class duplicate_scene {
     const double value = chance(0.5) ? bad : -bad;
     double* const coordinate[] = {&position[p].x, &position[p].y, &position[p].z};
     float* const number[] = {&normal[p].x, &normal[p].y, &normal[p].z, &min_distance[p], &max_distance[p]};
-    const int which = below(8);
-    if (which < 3)
+    const int which = below(covariance.empty() ? 8 : 9);
+    if (which == 8)
+      covariance[p].zx = static_cast<float>(value);
+    else if (which < 3)
       *coordinate[which] = value;
     else
       *number[which - 3] = static_cast<float>(value);

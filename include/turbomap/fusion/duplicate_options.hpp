@@ -35,6 +35,7 @@ struct duplicate_options {
     o.range_gate = range_gate, o.window_octave = window_octave;
     o.finer_octaves = 1, o.coarser_octaves = 0;
     o.gate = projection_gate::all, o.mono_chi2 = mono_chi2, o.stereo_chi2 = stereo_chi2;
+    o.window_sigmas = 0;
     o.max_distance = max_distance, o.max_ratio = 1;
     o.one_to_one = false, o.keep_trials = keep_trials;
     return o;

@@ -16,11 +16,13 @@
 
 namespace turbomap {
 
-/// Which points have to fit a keypoint's pixel beyond lying in the window: error^2 / sigma2 <= mono_chi2, or stereo_chi2 with
-/// u_right.
+/// Which points have to fit a keypoint's pixel beyond lying in the window. The fit is e^T W e <= mono_chi2, or stereo_chi2
+/// with u_right; e the differences of keypoint and projection, W = (sigma^2 I + J Sigma J^T)^-1 with the point's covariance
+/// Sigma, 1 / sigma^2 for a point that is exact.
 enum class projection_gate : std::uint8_t {
-  none,  ///< none: the pose of the frame is a guess
-  all,   ///< every point
+  none,       ///< none: the pose of the frame is a rough guess
+  uncertain,  ///< those that come with a covariance: how far off they may be is known
+  all,        ///< every point
 };
 
 /// Options of search_by_projection(). Defaults are those of [ORB-SLAM3]'s search of the local map.
@@ -38,15 +40,23 @@ struct projection_options {
   int window_octave = 0;    ///< without range_gate; in [0, levels)
   int finer_octaves = 1;    ///< candidates are keypoints from so many octaves below the predicted one ...
   int coarser_octaves = 0;  ///< ... to so many above
-  projection_gate gate = projection_gate::none;
-  double mono_chi2 = 5.991;    ///< 95 %, 2 dof
-  double stereo_chi2 = 7.815;  ///< 95 %, 3 dof
-  double max_distance = 100;   ///< largest descriptor distance of a match (100 of 256 bits: TH_HIGH)
-  double max_ratio = 1;        ///< the best distance is at most so much of the second best in the window; 1: no test
-  bool one_to_one = true;      ///< a keypoint goes to the point of least (distance, index); the others go without
-  bool keep_trials = false;    ///< keep the outcome of every (target, camera, point), not only the matches
+  projection_gate gate = projection_gate::uncertain;
+  double mono_chi2 = 5.991;       ///< 95 %, 2 dof
+  double stereo_chi2 = 7.815;     ///< 95 %, 3 dof
+  double stereo_correlation = 0;  ///< of the errors of u and u_right, for points with a covariance: see reprojections
+  double window_sigmas = 3;  ///< the window of a point with a covariance holds the ellipse of so many sigma, if that is
+                             ///< larger (99.7 % per axis); 0: never
+  double max_radius = 40;    ///< px; no window gets larger than this by a covariance: 4 cells, for the cost
+  double max_distance = 100;  ///< largest descriptor distance of a match (100 of 256 bits: TH_HIGH)
+  double max_ratio = 1;       ///< the best distance is at most so much of the second best in the window; 1: no test
+  bool one_to_one = true;     ///< a keypoint goes to the point of least (distance, index); the others go without
+  bool keep_trials = false;   ///< keep the outcome of every (target, camera, point), not only the matches
 
   TURBOMAP_HD constexpr bool reads_normals() const { return min_view_cosine > -1 || oblique_factor != 1; }
+  /// \param uncertain  the point has a covariance
+  TURBOMAP_HD constexpr bool is_gated(bool uncertain) const {
+    return gate == projection_gate::all || (gate == projection_gate::uncertain && uncertain);
+  }
   /// \param predicted  octave of the point
   TURBOMAP_HD constexpr bool is_candidate(int octave, int predicted) const {
     return octave <= predicted + coarser_octaves && octave >= predicted - finer_octaves;
@@ -59,7 +69,7 @@ enum class projection_outcome : std::uint16_t {  // 16 bits: a trial has no byte
   matched = 0,
   too_different = 1,           ///< the best keypoint is farther than max_distance
   skipped = 3,                 ///< the caller said so
-  behind = 4,                  ///< depth <= 0; also a position that is not finite
+  behind = 4,                  ///< depth <= 0; also a position or covariance that is not finite
   outside = 5,                 ///< of the image, or where the camera model is not defined
   out_of_range = 6,            ///< distance to the camera; also a range that is not finite
   oblique = 7,                 ///< seen too far off its normal; also a normal that is not finite

@@ -8,7 +8,9 @@
 
 #include <cmath>
 
+#include "../camera/point_uncertainty.hpp"
 #include "../config.hpp"
+#include "../math/symmetric3.hpp"
 #include "projection_test.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -19,6 +21,8 @@ namespace detail {
 constexpr double loose = 1e-9;
 /// px; a projection in double is nearer than this to the decision's, while it is well conditioned.
 constexpr double loose_pixels = 1e-3;
+/// Derivatives are known better than this, by whatever way.
+constexpr double loose_derivatives = 1e-3;
 /// Coordinates may be so many times the depth; then the direction of the point is known to 1e-10.
 constexpr double well_conditioned = 1e5;
 
@@ -31,9 +35,10 @@ struct hopeful_scan {
   const float* scale;
   const typename Descriptor::element* descriptor;
   typename Descriptor::distance_type max_distance;
-  double u, v, u_right, radius, mono_root, stereo_root;
+  double u, v, u_right, radius_u, radius_v;
+  double variance;  ///< px^2, of the projection in any direction: at least that of a point that is not exact
   int level;
-  bool stereo;
+  bool stereo, gated;
   bool hope = false;
 
   TURBOMAP_HD bool operator()(int keypoint) {
@@ -42,20 +47,23 @@ struct hopeful_scan {
     if (taken != nullptr && taken[keypoint] != 0) return false;
     const double du = static_cast<double>(view.pixel[keypoint].x) - u;
     const double dv = static_cast<double>(view.pixel[keypoint].y) - v;
-    if (du >= radius || -du >= radius || dv >= radius || -dv >= radius) return false;
-    if (options.gate == projection_gate::all && !may_fit(keypoint, du, dv, octave)) return false;
+    if (du >= radius_u || -du >= radius_u || dv >= radius_v || -dv >= radius_v) return false;
+    if (gated && !may_fit(keypoint, du, dv, octave)) return false;
     hope = Descriptor::distance(descriptor, view.descriptor_of(keypoint)) <= max_distance;
     return hope;
   }
 
   TURBOMAP_HD bool may_fit(int keypoint, double du, double dv, int octave) const {
-    double error = du * du + dv * dv, root = mono_root;
+    double error = du * du + dv * dv, chi2 = options.mono_chi2;
     if (stereo && view.is_stereo(keypoint)) {
       const double dr = static_cast<double>(view.u_right[keypoint]) - u_right;
       error += dr * dr;
-      root = stereo_root;
+      chi2 = options.stereo_chi2;
     }
-    root = root * static_cast<double>(scale[octave]) * (1 + loose) + 2 * loose_pixels;  // shifts of three residuals
+    const double sigma = static_cast<double>(scale[octave]);
+    double most = chi2 * sigma * sigma;
+    if (variance > 0) most = chi2 * ((1 + options.stereo_correlation) * sigma * sigma + variance);
+    const double root = std::sqrt(most) * (1 + loose) + 2 * loose_pixels;  // shifts of three residuals
     return !(error > root * root);
   }
 };
@@ -76,9 +84,7 @@ class projection_prefilter {
         centre_{camera.centre.x.value, camera.centre.y.value, camera.centre.z.value},
         t_{camera.T_cw.t.x.value, camera.T_cw.t.y.value, camera.T_cw.t.z.value},
         offset_(std::abs(t_.x) + std::abs(t_.y) + std::abs(t_.z)),
-        bf_(camera.bf.value),
-        mono_root_(std::sqrt(search.options.mono_chi2)),
-        stereo_root_(std::sqrt(search.options.stereo_chi2)) {
+        bf_(camera.bf.value) {
     for (int i = 0; i < 9; ++i) R_.m[i] = camera.T_cw.R.m[i].value;
   }
 
@@ -133,6 +139,7 @@ class projection_prefilter {
     const double s = static_cast<double>(search_.scale[options.range_gate ? level : options.window_octave]);
     const double radius = widest_ * s * (1 + detail::loose) + m;
     const double u_right = bf_ > 0 ? p.x - bf_ / X_c.z : 0;
+    const point_covariance* covariance = search_.covariance_of(point);
     detail::hopeful_scan<Descriptor, Camera> scan{options,
                                                   view_,
                                                   taken_,
@@ -143,12 +150,33 @@ class projection_prefilter {
                                                   p.y,
                                                   u_right,
                                                   radius,
-                                                  mono_root_,
-                                                  stereo_root_,
+                                                  radius,
+                                                  0,
                                                   level,
-                                                  bf_ > 0};
-    visit_window(view_, index_, p.x, p.y, radius, scan);
+                                                  bf_ > 0,
+                                                  options.is_gated(covariance != nullptr)};
+    if (covariance != nullptr && !spread(search_.points.position[point], *covariance, s, scan)) return true;
+    visit_window(view_, index_, p.x, p.y, scan.radius_u, scan.radius_v, scan);
     return scan.hope;
+  }
+
+  /// The window of a point that is not exact, and how far off it may be. False: the decision knows.
+  TURBOMAP_HD bool spread(const vec3<double>& X, const point_covariance& covariance, double sigma,
+                          detail::hopeful_scan<Descriptor, Camera>& scan) const {
+    const projection_options& options = search_.options;
+    projected_point<double> q;
+    if (!project_point(camera_.camera, isometry<double>{R_, t_}, bf_, X, q)) return false;
+    const symmetric3<double> C = projected_covariance(to_symmetric<double>(covariance), q.by_X);
+    const double more = 1 + detail::loose_derivatives;
+    scan.variance = (C.xx + C.yy + C.zz) * more;
+    if (!(C.xx >= 0 && C.yy >= 0 && C.zz >= 0)) return false;  // no covariance
+    const auto widen = [&](double& radius, double variance) {
+      const double wide = options.window_sigmas * std::sqrt(variance + sigma * sigma);
+      const double most = (wide < options.max_radius ? wide : options.max_radius) * more + detail::loose_pixels;
+      if (most > radius) radius = most;
+    };
+    if (options.window_sigmas > 0) widen(scan.radius_u, C.xx), widen(scan.radius_v, C.yy);
+    return true;
   }
 
   const projection_view<Descriptor, Camera>& search_;
@@ -161,7 +189,6 @@ class projection_prefilter {
   vec3<double> centre_, t_;
   double offset_;
   double bf_;
-  double mono_root_, stereo_root_;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -26,9 +26,10 @@ TURBOMAP_BEGIN_NAMESPACE
 /// In this order: not skipped; depth > 0; inside the image (view.cells.bounds, [min, max)); distance to the camera in
 /// [min_range_factor min_distance, max_range_factor max_distance]; viewing ray . normal >= min_view_cosine x distance;
 /// octave predicted as the least k with max_distance / distance <= s^k, clamped; keypoints with |du|, |dv| < radius s^k
-/// (oblique_factor times that where viewing ray . normal < oblique_cosine x distance) that are not taken, and of octave
-/// k - finer_octaves to k + coarser_octaves; with options.gate, error^2 / sigma2 <= mono_chi2, or stereo_chi2 with u_right
-/// (rectilinear cameras with bf); best distance <= max_ratio x second best, both of such keypoints. Then, with
+/// (oblique_factor times that where viewing ray . normal < oblique_cosine x distance; for a point with a covariance at least
+/// window_sigmas of the deviation of u, v, keypoint and projection together, at most max_radius) that are not taken, and of octave
+/// k - finer_octaves to k + coarser_octaves; with options.gate, e^T W e <= mono_chi2, or stereo_chi2 with u_right
+/// (rectilinear cameras with bf), see projection_gate; best distance <= max_ratio x second best, both of such keypoints. Then, with
 /// one_to_one: of the points that match one keypoint the one of least (distance, index) keeps it, the others go without.
 /// Ties of keypoints: first by cell column, cell row, keypoint; without a cell index by keypoint. Equal on every policy.
 ///

@@ -8,8 +8,10 @@
 
 #include <cstdint>
 
+#include "../camera/point_uncertainty.hpp"
 #include "../config.hpp"
 #include "../math/functions.hpp"
+#include "../math/symmetric3.hpp"
 #include "projection_view.hpp"
 #include "projection_window.hpp"
 
@@ -18,9 +20,11 @@ TURBOMAP_BEGIN_NAMESPACE
 /// The point as it is predicted to be seen.
 struct predicted_keypoint {
   vec2<decision> pixel;
-  decision u_right;  ///< valid where the camera has bf
-  decision radius;   ///< px, half the side of the window
-  int level;         ///< -1: any octave will do
+  decision u_right;                 ///< valid where the camera has bf
+  decision radius_u, radius_v;      ///< px, half the sides of the window
+  int level;                        ///< -1: any octave will do
+  bool uncertain;                   ///< the point has a covariance ...
+  symmetric3<decision> covariance;  ///< ... and this is that of its u, v, u_right; px^2
 };
 
 /// Looks for the most similar keypoint in the window.
@@ -36,18 +40,19 @@ class projection_scan {
         taken_(camera.of.taken),
         predicted_(predicted),
         descriptor_(search.descriptor_of(point)),
-        stereo_(camera.bf > decision(0)) {}
+        stereo_(camera.bf > decision(0)),
+        gated_(search.options.is_gated(predicted.uncertain)) {}
 
   TURBOMAP_HD bool operator()(int keypoint) {
     const vec2<decision> seen = cast<decision>(view_.pixel[keypoint]);
     const decision du = seen.x - predicted_.pixel.x, dv = seen.y - predicted_.pixel.y;
-    if (!(abs(du) < predicted_.radius) || !(abs(dv) < predicted_.radius)) return false;
+    if (!(abs(du) < predicted_.radius_u) || !(abs(dv) < predicted_.radius_v)) return false;
     in_window = true;
     if (taken_ != nullptr && taken_[keypoint] != 0) return false;
     const int octave = view_.octave[keypoint];
     const projection_options& options = search_.options;
     if (predicted_.level >= 0 && !options.is_candidate(octave, predicted_.level)) return false;
-    if (options.gate == projection_gate::all && !fits(keypoint, du, dv, octave)) return false;
+    if (gated_ && !fits(keypoint, du, dv, octave)) return false;
     const distance_type d = Descriptor::distance(descriptor_, view_.descriptor_of(keypoint));
     // The first of equal ones stays; never one that is no number.
     if (best < 0 ? d <= Descriptor::worst : d < distance) {
@@ -67,14 +72,18 @@ class projection_scan {
 
  private:
   TURBOMAP_HD bool fits(int keypoint, decision du, decision dv, int octave) const {
-    decision error = du * du + dv * dv;
-    double chi2 = search_.options.mono_chi2;
-    if (stereo_ && view_.is_stereo(keypoint)) {
-      const decision dr = decision(view_.u_right[keypoint]) - predicted_.u_right;
-      error += dr * dr;
-      chi2 = search_.options.stereo_chi2;
+    const bool stereo = stereo_ && view_.is_stereo(keypoint);
+    const decision dr = stereo ? decision(view_.u_right[keypoint]) - predicted_.u_right : decision(0);
+    const decision sigma2(search_.sigma2[octave]);
+    const decision chi2(stereo ? search_.options.stereo_chi2 : search_.options.mono_chi2);
+    if (predicted_.uncertain) {
+      const auto L =
+          spread_of_difference(predicted_.covariance, stereo, sigma2, decision(search_.options.stereo_correlation));
+      return squared_norm(solve_lower(L, vec3<decision>{du, dv, dr})) <= chi2;
     }
-    return error <= decision(chi2) * decision(search_.sigma2[octave]);
+    decision error = du * du + dv * dv;
+    if (stereo) error += dr * dr;
+    return error <= chi2 * sigma2;
   }
 
   const projection_view<Descriptor, Camera>& search_;
@@ -82,7 +91,7 @@ class projection_scan {
   const std::uint8_t* taken_;
   const predicted_keypoint& predicted_;
   const typename Descriptor::element* descriptor_;
-  bool stereo_;
+  bool stereo_, gated_;
 };
 
 /// Octave at which a point at `distance` should be found: the least k with max_distance / distance <= s^k, clamped to
@@ -109,7 +118,7 @@ struct projection_test {
     trial.level = static_cast<std::int16_t>(predicted.level);
     projection_scan<Descriptor, Camera> scan(search, camera, predicted, point);
     visit_window(search.keyframes[camera.of.target], camera.of.camera, predicted.pixel.x.value, predicted.pixel.y.value,
-                 predicted.radius.value, scan);
+                 predicted.radius_u.value, predicted.radius_v.value, scan);
     trial.keypoint = scan.best;
     trial.distance = scan.distance;
     trial.outcome = outcome_of(scan);
@@ -134,7 +143,9 @@ struct projection_test {
     const vec3<double>& position = search.points.position[point];
     const vec3<decision> X = cast<decision>(position), X_c = camera.T_cw * X;
     outcome = projection_outcome::behind;
-    if (!finite(position) || !(X_c.z > decision(0))) return false;
+    const point_covariance* covariance = search.covariance_of(point);
+    if (!finite(position) || (covariance != nullptr && !finite(*covariance))) return false;
+    if (!(X_c.z > decision(0))) return false;
 
     outcome = projection_outcome::outside;
     const auto& view = search.keyframes[camera.of.target];
@@ -167,12 +178,40 @@ struct projection_test {
                                                             search.scale, options.scales.levels)
                                          : -1;
     const int window_octave = options.range_gate ? predicted.level : options.window_octave;
-    predicted.radius = decision(options.radius) * decision(search.scale[window_octave]);
-    if (!frontal) predicted.radius = predicted.radius * decision(options.oblique_factor);
+    decision radius = decision(options.radius) * decision(search.scale[window_octave]);
+    if (!frontal) radius = radius * decision(options.oblique_factor);
+    predicted.radius_u = predicted.radius_v = radius;
     predicted.u_right = camera.bf > decision(0) ? u - camera.bf / X_c.z : decision(0);
+    predicted.uncertain = covariance != nullptr;
+    outcome = projection_outcome::outside;
+    return covariance == nullptr || spread(X, *covariance, decision(search.sigma2[window_octave]), predicted);
+  }
+
+  /// The same of a point that is not exact: where it may be seen, and the window that holds that.
+  TURBOMAP_HD bool spread(const vec3<decision>& X, const point_covariance& covariance, decision sigma2,
+                          predicted_keypoint& predicted) const {
+    const projection_options& options = search.options;
+    projected_point<decision> p;
+    if (!project_point(search.keyframes[camera.of.target].cameras[camera.of.camera].camera, camera.T_cw, camera.bf, X,
+                       p))
+      return false;
+    predicted.covariance = projected_covariance(to_symmetric<decision>(covariance), p.by_X);
+    const auto widen = [&](decision& radius, decision variance) {
+      const decision sum = variance + sigma2, most(options.max_radius);
+      decision wide = decision(options.window_sigmas) * sqrt(sum > sigma2 ? sum : sigma2);
+      if (wide > most) wide = most;
+      if (wide > radius) radius = wide;
+    };
+    if (options.window_sigmas > 0) {
+      widen(predicted.radius_u, predicted.covariance.xx);
+      widen(predicted.radius_v, predicted.covariance.yy);
+    }
     return true;
   }
 
+  TURBOMAP_HD static bool finite(const point_covariance& c) {
+    return finite(vec3<float>{c.xx, c.yx, c.yy}) && finite(vec3<float>{c.zx, c.zy, c.zz});
+  }
   template <class T>
   TURBOMAP_HD static bool finite(const vec3<T>& a) {
     return detail::is_finite(a.x) && detail::is_finite(a.y) && detail::is_finite(a.z);

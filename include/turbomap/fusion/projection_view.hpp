@@ -65,6 +65,13 @@ struct projection_view {
   TURBOMAP_HD const typename Descriptor::element* descriptor_of(int point) const {
     return points.descriptor + static_cast<std::size_t>(point) * Descriptor::elements;
   }
+  /// The covariance of a point; null where it is exact.
+  TURBOMAP_HD const point_covariance* covariance_of(int point) const {
+    if (points.covariance == nullptr) return nullptr;
+    const point_covariance& c = points.covariance[point];
+    const bool exact = c.xx == 0 && c.yx == 0 && c.yy == 0 && c.zx == 0 && c.zy == 0 && c.zz == 0;
+    return exact ? nullptr : &c;
+  }
   /// The range in which a point is looked for: its own times the factors, rounded to float as the recorded one is.
   TURBOMAP_HD float least_distance(int point) const {
     return (strict<float>(min_range_factor) * strict<float>(points.min_distance[point])).value;

@@ -31,12 +31,12 @@ TURBOMAP_HD inline cell_range cells_between(double low, double high, float minim
 
 }  // namespace detail
 
-/// Calls visit(k) for every keypoint k of camera `camera` that the cell index holds within `radius` px of (u, v) in
-/// both axes, and for some others near it, until visit() returns true. By cell column, cell row, keypoint; without a
+/// Calls visit(k) for every keypoint k of camera `camera` that the cell index holds within `radius_u`, `radius_v`
+/// px of (u, v), and for some others near it, until visit() returns true. By cell column, cell row, keypoint; without a
 /// cell index every keypoint of the camera, in order. O(keypoints in the cells).
 template <class Descriptor, class Camera, class Visit>
 TURBOMAP_HD void visit_window(const keyframe_view<Descriptor, Camera>& view, int camera, double u, double v,
-                              double radius, Visit& visit) {
+                              double radius_u, double radius_v, Visit& visit) {
   const cell_index_view& cells = view.cells;
   if (cells.columns == 0) {
     for (int k = 0; k < view.keypoint_count; ++k)
@@ -44,8 +44,9 @@ TURBOMAP_HD void visit_window(const keyframe_view<Descriptor, Camera>& view, int
     return;
   }
   const auto columns =
-      detail::cells_between(u - radius, u + radius, cells.bounds.min_x, cells.inverse_width, cells.columns);
-  const auto rows = detail::cells_between(v - radius, v + radius, cells.bounds.min_y, cells.inverse_height, cells.rows);
+      detail::cells_between(u - radius_u, u + radius_u, cells.bounds.min_x, cells.inverse_width, cells.columns);
+  const auto rows =
+      detail::cells_between(v - radius_v, v + radius_v, cells.bounds.min_y, cells.inverse_height, cells.rows);
   if (rows.first > rows.last) return;
   for (int column = columns.first; column <= columns.last; ++column) {
     // The cells of a column lie in a row: one list.
