@@ -1,0 +1,282 @@
+#!/usr/bin/env python3
+# SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+# SPDX-License-Identifier: Apache-2.0
+"""Replays recordings under several options and prints what became of their maps, as Markdown.
+
+Recordings: those of DATA/recordings, and simulated ones (rigs x trajectories x noise x seeds; figures are medians over the
+seeds). Variants: every combination of --creation and --associate that this turbomap-replay knows. Simulated recordings and
+results are kept in the work folder: a run that was cut off goes on where it was, and results are made anew when the program
+has changed. Stage times are those of replays that ran side by side: use --jobs 1 for times to be quoted.
+
+    tools/evaluate_creation.py --jobs 16 --out creation.md
+"""
+
+import argparse
+import concurrent.futures
+import hashlib
+import itertools
+import json
+import os
+import pathlib
+import re
+import shutil
+import statistics
+import subprocess
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+RIGS = {"mono": ["--camera", "euroc", "--mono"], "stereo": ["--camera", "euroc"], "fisheye": ["--camera", "tum-vi"]}
+VARIED = {"--creation": ["pairs", "tracks"], "--associate": ["recorded", "projected"]}  # values, the baseline first
+BOUND = 1.5  # the trajectory error that is asked for, times that of the batch adjustment
+
+
+def parse_arguments():
+    p = argparse.ArgumentParser(description=__doc__.split("\n\n")[0], allow_abbrev=False)
+    words = lambda text: [w for w in text.split(",") if w]
+    p.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/release/bin", help="folder of the programs")
+    p.add_argument("--data", type=pathlib.Path, default=os.environ.get("TURBOMAP_DATA_DIR") or ROOT / "../shared/data",
+                   help="folder of recordings/ and trajectories/, either of which may be missing")
+    p.add_argument("--work", type=pathlib.Path, default=ROOT / "build/evaluation", help="folder for what is made")
+    p.add_argument("--jobs", type=int, default=1, help="replays at a time")
+    p.add_argument("--rigs", type=words, default=list(RIGS), help="of simulated recordings: " + ",".join(RIGS))
+    p.add_argument("--trajectories", type=words, default=None, help="'builtin' and names of DATA/trajectories; default: all")
+    p.add_argument("--seeds", type=words, default=list("12345"))
+    p.add_argument("--noise", type=words, default=["0.25", "0.5", "1"], help="px at the finest level")
+    p.add_argument("--keyframes", type=int, default=100, help="per simulated recording, at most")
+    p.add_argument("--no-recorded", action="store_true", help="simulated recordings only")
+    p.add_argument("--policy", default="seq")
+    p.add_argument("--options", default="", help="for every replay, e.g. '--candidates exhaustive'")
+    p.add_argument("--out", type=pathlib.Path, help="file of the tables; default: stdout")
+    return p.parse_args()
+
+
+# --- recordings ---------------------------------------------------------------------------------------------------------
+
+def trajectories(args):
+    folder = args.data / "trajectories"
+    known = {"builtin": "builtin", **{f.stem: str(f) for f in sorted(folder.glob("*.txt"))}}
+    for name in args.trajectories or []:
+        if name not in known:
+            sys.exit(f"evaluate_creation: --trajectories: '{name}' is not one of {', '.join(known)}")
+    return {name: path for name, path in known.items() if not args.trajectories or name in args.trajectories}
+
+
+def recorded(args):
+    """Rows of the table of recorded data: (name, folder)."""
+    return [] if args.no_recorded else [(f.parent.name, f.parent) for f in sorted((args.data / "recordings").glob("*/meta.json"))]
+
+
+def simulated(args):
+    """(rig, trajectory, noise, seed, folder, command that makes it)"""
+    made = []
+    for rig, (name, path), noise, seed in itertools.product(args.rigs, trajectories(args).items(), args.noise, args.seeds):
+        folder = args.work / "recordings" / f"{rig}-{name}-k{args.keyframes}-n{noise}-s{seed}"
+        command = [str(args.bin / "turbomap-simulate"), path, *RIGS[rig], "--noise", noise, "--seed", seed, "--keyframes", str(args.keyframes)]
+        made.append((rig, name, noise, seed, folder, command))
+    return made
+
+
+def simulate(folder, command):
+    """None, or what went wrong. A recording that another simulator made is made anew."""
+    made_by = folder / "made_by.txt"
+    mark = digest(command[0]) + " " + " ".join(command[1:])
+    if made_by.exists() and made_by.read_text() == mark:
+        return None
+    unfinished = folder.with_name(folder.name + ".new")
+    shutil.rmtree(unfinished, ignore_errors=True)
+    done = subprocess.run([*command, "--out", str(unfinished)], capture_output=True, text=True)
+    if done.returncode != 0:
+        return done.stderr.strip()
+    (unfinished / "made_by.txt").write_text(mark)
+    shutil.rmtree(folder, ignore_errors=True)
+    unfinished.rename(folder)
+    return None
+
+
+# --- replays ------------------------------------------------------------------------------------------------------------
+
+def digest(program, cache={}):
+    if program not in cache:
+        cache[program] = hashlib.sha256(pathlib.Path(program).read_bytes()).hexdigest()[:12]
+    return cache[program]
+
+
+def variants(replay):
+    """{name: options}, of the options that the program has."""
+    text = subprocess.run([replay, "--help"], capture_output=True, text=True, check=True).stdout
+    known = {option: values for option, values in VARIED.items() if re.search(rf"{option}\b", text)}
+    made = {}
+    for values in itertools.product(*known.values()):
+        options = [word for pair in zip(known, values) for word in pair]
+        made[", ".join(values) or "as it is"] = options
+    return made
+
+
+def replay(args, folder, options):
+    """The JSON of a replay, with 'failed' where it did not end well."""
+    program = str(args.bin / "turbomap-replay")
+    options = ["--policy", args.policy, *args.options.split(), *options]
+    name = re.sub(r"[^\w.-]+", "_", " ".join([folder.name, *options]))
+    result = args.work / "results" / digest(program) / (name + ".json")
+    made_by = folder / "made_by.txt"
+    mark = made_by.read_text() if made_by.exists() else ""
+    if result.exists():
+        kept = json.loads(result.read_text())
+        if kept.get("made_by", "") == mark:
+            return kept
+    result.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = result.with_suffix(".new")
+    done = subprocess.run([program, str(folder), *options, "--json", str(unfinished)], capture_output=True, text=True)
+    if not unfinished.exists():
+        return {"failed": done.stderr.strip() or f"exit status {done.returncode}"}
+    found = json.loads(unfinished.read_text())
+    if done.returncode != 0:
+        found["failed"] = f"exit status {done.returncode}"
+    found["made_by"] = mark
+    unfinished.write_text(json.dumps(found))
+    unfinished.rename(result)
+    return found
+
+
+# --- figures of one replay ----------------------------------------------------------------------------------------------
+
+def get(found, *path, scale=1):
+    for key in path:
+        found = found.get(key) if isinstance(found, dict) else None
+    return None if found is None or isinstance(found, dict) else scale * found
+
+
+def ratio(a, b, scale=1):
+    return None if a is None or not b else scale * a / b
+
+
+def figures(found):
+    """{column: number}; what a replay does not tell is left out."""
+    mm = lambda key: get(found, key, scale=1000)
+    values = {
+        "input, mm": mm("ate_input_rmse_m"),
+        "bound, mm": mm("ate_batch_rmse_m"),
+        "peer, mm": mm("peer_ate_rmse_m"),
+        "ATE, mm": mm("ate_rmse_m"),
+        "ATE / bound": ratio(mm("ate_rmse_m"), mm("ate_batch_rmse_m")),
+        "ATE / peer": ratio(mm("ate_rmse_m"), mm("peer_ate_rmse_m")),
+        "created": get(found, "points_created"),
+        "merges": get(found, "duplicates_merged"),
+        "dropped": get(found, "points_culled"),
+        "points left": get(found, "map_points"),
+        "keyframes left": get(found, "keyframes_left"),
+        "obs. / point": get(found, "observations_per_point"),
+        "associations": get(found, "associations"),
+        "kept, %": ratio(get(found, "associations_kept"), get(found, "associations"), 100),
+        "projected": get(found, "associations_projected"),
+        "projected kept, %": ratio(get(found, "associations_projected_kept"), get(found, "associations_projected"), 100),
+    }
+    judged = found.get("true_points") or {}
+    for key in judged:  # counts of what is wrong, each beside the count of all
+        if key.endswith("_wrong") and key[:-len("_wrong")] in judged:
+            values[f"wrong of {key[:-len('_wrong')].replace('_', ' ')}, %"] = ratio(judged[key], judged[key[:-len("_wrong")]], 100)
+    for stage in ("search", "creation", "fusion", "adjustment", "total"):
+        values[f"{stage}, ms"] = get(found, "stages", stage, "ms_mean")
+    return {column: value for column, value in values.items() if value is not None}
+
+
+def medians(all_figures):
+    columns = dict.fromkeys(column for one in all_figures for column in one)
+    return {c: statistics.median(one[c] for one in all_figures if c in one) for c in columns}
+
+
+# --- tables -------------------------------------------------------------------------------------------------------------
+
+def show(value):
+    if isinstance(value, str):
+        return value
+    if value is None:
+        return "-"
+    if float(value).is_integer() or abs(value) >= 1000:
+        return f"{value:,.0f}"
+    return f"{value:.3g}" if abs(value) < 100 else f"{value:.0f}"
+
+
+def table(names, rows):
+    """rows: (values of `names`, {column: number})"""
+    columns = list(dict.fromkeys(column for _, values in rows for column in values))
+    lines = ["| " + " | ".join([*names, *columns]) + " |", "|" + "---|" * (len(names) + len(columns))]
+    lines += ["| " + " | ".join([*map(str, key), *(show(values.get(c)) for c in columns)]) + " |" for key, values in rows]
+    return "\n".join(lines)
+
+
+def summary(groups, variant_names):
+    """What is asked of each rig: one row per rig, noise and variant, over all trajectories and seeds."""
+    rows = []
+    for rig, noise in dict.fromkeys((rig, noise) for rig, _, noise in groups):
+        for variant in variant_names:
+            of = [f for (r, _, n), by in groups.items() if (r, n) == (rig, noise) for f in by.get(variant, [])]
+            first = [f for (r, _, n), by in groups.items() if (r, n) == (rig, noise) for f in by.get(variant_names[0], [])]
+            if not of:
+                continue
+            values = {"recordings": len(of)}
+            ratios = [f["ATE / bound"] for f in of if "ATE / bound" in f]
+            if ratios:
+                values["ATE / bound, median"] = statistics.median(ratios)
+                values["worst"] = max(ratios)
+                values[f"above {BOUND}"] = sum(r > BOUND for r in ratios)
+            for column in ("created", "merges", "points left", "obs. / point", "creation, ms", "fusion, ms", "total, ms"):
+                total, before = (sum(f.get(column, 0) for f in some) for some in (of, first))
+                if before and len(variant_names) > 1:
+                    values[f"{column} / {variant_names[0]}"] = total / before
+            rows.append(((rig, noise, variant), values))
+    return table(["rig", "noise", "variant"], rows)
+
+
+def main():
+    args = parse_arguments()
+    program = args.bin / "turbomap-replay"
+    for needed in (program, args.bin / "turbomap-simulate"):
+        if not needed.exists():
+            sys.exit(f"evaluate_creation: {needed} is not there: ./quickstart build, or --bin")
+    (args.work / "recordings").mkdir(parents=True, exist_ok=True)
+    by_variant = variants(program)
+    faults, results = [], {}
+    real, made = recorded(args), simulated(args)
+
+    def work(folder, command):
+        fault = simulate(folder, command) if command else None
+        if fault:
+            return [(folder, variant, {"failed": fault}) for variant in by_variant]
+        return [(folder, variant, replay(args, folder, options)) for variant, options in by_variant.items()]
+
+    with concurrent.futures.ThreadPoolExecutor(args.jobs) as pool:
+        jobs = [pool.submit(work, folder, None) for _, folder in real]
+        jobs += [pool.submit(work, folder, command) for *_, folder, command in made]
+        for count, job in enumerate(concurrent.futures.as_completed(jobs), 1):
+            for folder, variant, found in job.result():
+                if "failed" in found:
+                    faults.append(f"- {folder.name}, {variant}: {found['failed']}")
+                results[folder, variant] = figures(found)
+            if sys.stderr.isatty():
+                print(f"\r{count} of {len(jobs)} recordings", end="" if count < len(jobs) else "\n", file=sys.stderr, flush=True)
+            elif count % max(1, len(jobs) // 20) == 0:
+                print(f"{count} of {len(jobs)} recordings", file=sys.stderr, flush=True)
+
+    text = [f"Replays under policy {args.policy} {args.options}, {args.jobs} at a time."]
+    if real:
+        text += ["## Recorded", table(["recording", "variant"], [((name, v), results[folder, v]) for name, folder in real for v in by_variant])]
+    if made:
+        groups = {}
+        for rig, name, noise, _, folder, _ in made:
+            for v in by_variant:
+                groups.setdefault((rig, name, noise), {}).setdefault(v, []).append(results[folder, v])
+        text += ["## Simulated: what is asked for", summary(groups, list(by_variant)), "## Simulated: medians over seeds",
+                 table(["rig", "trajectory", "noise", "variant"], [((*key, v), medians(f)) for key, by in groups.items() for v, f in by.items()])]
+    if faults:
+        text += [f"## Failed: {len(faults)}", "\n".join(faults)]
+    text = "\n\n".join(text) + "\n"
+    if args.out:
+        args.out.write_text(text)
+    else:
+        print(text)
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
