@@ -98,11 +98,43 @@ TEST_CASE("what is broken is named with its line") {
   CHECK(has(with_cameras("1 PINHOLE 640 480 0 510 320 240\n"), "focal length is not positive"));
   CHECK(has(with_images("1 1 0 0 0 0 0 0 5 a.jpg\n"), "there is no camera 5"));
   CHECK(has(with_images("1 2 0 0 0 0 0 0 1 a.jpg\n"), "no unit quaternion"));
-  CHECK(has(with_images("1 1 0 0 0 0 0 zero 1 a.jpg\n"), "there is no tz"));
+  CHECK(has(with_images("1 1 0 0 0 0 0 zero 1 a.jpg\n"), "'zero' is no tz"));
   CHECK(has(with_images("1 1 0 0 0 0 0 0 1\n"), "there is no file name"));
   CHECK(has(with_images("1 1 0 0 0 0 0 0 1 a.jpg\n1 2 77\n"), "images.txt: line 2: there is no point 77"));
   CHECK(has(with_images("1 1 0 0 0 0 0 0 1 a.jpg\n1 2\n"), "there is no point id"));
   CHECK(has(with_images("# nothing\n"), "there is no image"));
+  CHECK(has(with_cameras("1 PINHOLE 640.7 480 500 510 320 240\n"), "'640.7' is no width"));
+  CHECK(has(with_cameras("1 PINHOLE 640 480 500 510 320 240 -0.3 0.1\n"), "more on the line"));
+  CHECK(has(with_cameras("1 SIMPLE_PINHOLE 640 480 500 510 320 240\n"), "more on the line"));
+  CHECK(has(with_cameras("1 PINHOLE 640 480 1e999 510 320 240\n"), "'1e999' is no focal length"));
+  CHECK(has(with_cameras("1 PINHOLE 640 480 0x10 510 320 240\n"), "'0x10' is no focal length"));
+  CHECK(has(with_cameras("1 PINHOLE 64 48 50 51 32 24\n1 PINHOLE 64 48 50 51 32 24\n"), "line 2: camera 1 is there"));
+  CHECK(has(with_images("1 1 0 0 0 0 0 0 1 a.jpg\n\n1 1 0 0 0 0 0 0 1 b.jpg\n\n"), "image 1 is there already"));
+  CHECK(has(with_images("1 1 0 0 0 0 0 0 1 a.jpg\n1 2 5.5 300 -1\n"), "line 2: '5.5' is no point id"));
+  CHECK(has(with_images("1 1 0 0 0 0 0 0 1 a.jpg\n1 2 -2\n"), "there is no point -2"));
+  CHECK(has(message({model_files().cameras, model_files().images, "4 1 2 3\n4 5 6 7\n"}), "line 2: point 4 is there"));
   const temporary_directory empty;
+  std::filesystem::create_directory(empty / "cameras.txt");
   CHECK(has(bad_file_message([&] { turbomap::read_colmap_model(empty.path()); }), "cameras.txt: cannot be opened"));
+  std::filesystem::remove(empty / "cameras.txt");
+  CHECK(has(bad_file_message([&] { turbomap::read_colmap_model(empty.path()); }), "cameras.txt: cannot be opened"));
+}
+
+TEST_CASE("a name may have blanks; a comment may stand before the keypoints") {
+  model_files files;
+  files.images = "7 1 0 0 0 1 2 3 1  my photo.jpg \r\n# its keypoints\n10.5 20.5 4\n";
+  const auto image = read(files).images.at(7);
+  CHECK(image.name == "my photo.jpg");
+  CHECK(image.observations.size() == 1);
+}
+
+TEST_CASE("numbers mean the same in every locale") {
+  const comma_locale comma;
+  const auto model = read({"1 PINHOLE 640 480 435.204 435.204 320.125 240.125\n",
+                           "1 1 0 0 0 1.250 2.500 3.125 1 a\n100.500 200.250 4\n", "4 1.500 2 3\n"});
+  CHECK(model.cameras.at(1).model.fx == 435.204);
+  CHECK(model.cameras.at(1).model.cx == 319.625);
+  CHECK(model.images.at(1).T_cw.tx == 1.25);
+  CHECK(model.images.at(1).observations.at(0).pixel.x == 100);
+  CHECK(model.points.at(4).x == 1.5);
 }

@@ -102,6 +102,13 @@ TEST_CASE("what is broken is named with its file and line") {
   CHECK(has(with(poses, "20  0 0 0.999999", "20  0 0 -0.999999"), "line 2: the pose is a reflection"));
   CHECK(has(with(poses, "0 0 0 1\n20", "0 0 1 1\n20"), "line 1: the last row of the pose is not 0 0 0 1"));
   CHECK(has(with(poses, "0.5", "nan"), "line 2: 'nan' is no element of the pose"));
+  CHECK(has(with(poses, "0.5", "+-5"), "'+-5' is no element of the pose"));
+  sequence_files far;
+  far.poses = "10 0.6 -0.8 0 1.7e308  0.8 0.6 0 1.7e308  0 0 1 0  0 0 0 1\n";
+  CHECK(has(bad_file_message([&] { read(far); }), "poses.txt: line 1: the position of the pose is too large"));
+  far.poses = sequence_files().poses, far.factors = "20 7 600 550 100 1.7e308 1.7e308 1.7e308\n";
+  CHECK(has(bad_file_message([&] { read(far); }), "factors.txt: line 1: the position of landmark 7 is too large"));
+  CHECK(has(with(calibration, "700 710 0 600 170 0.5", "1e200 710 0 600 170 1e200"), "baseline is not finite"));
   CHECK(has(with(factors, "20 3", "21 3"), "factors.txt: line 3: frame 21 has no pose"));
   CHECK(has(with(factors, "20 3", "20 7"), "line 3: frame 20 sees landmark 7 already"));
   CHECK(has(with(factors, "0 0 5", "0 0 -5"), "line 3: landmark 3 is not in front of the camera"));

@@ -73,6 +73,20 @@ TEST_CASE("rows of a .npy array") {
   }
 }
 
+TEST_CASE("a header that has no room in version 1 is written in version 2") {
+  const turbomap_test::temporary_directory folder;
+  const std::vector<float> value{7};
+  for (const std::size_t dimensions : {21000, 21800, 21822, 21840, 30000}) {  // three characters each: around 64 KB
+    const std::vector<std::size_t> shape(dimensions, 1);
+    turbomap::write_npy<float>(folder / "long.npy", value, shape);
+    const auto read = turbomap::read_npy<float>(folder / "long.npy");
+    CHECK(read.shape == shape);
+    CHECK(read.values == value);
+    CHECK(file_bytes(folder / "long.npy").size() % 64 == 4);
+    CHECK(int(file_bytes(folder / "long.npy")[6]) == (3 * dimensions > 65400 ? 2 : 1));
+  }
+}
+
 TEST_CASE("headers that other writers make are read") {
   const turbomap_test::temporary_directory folder;
   for (const char* header : {"{'descr': '<i4', 'fortran_order': False, 'shape': (1,), }     \n",
@@ -121,6 +135,7 @@ TEST_CASE("damaged .npy files are refused by name and reason") {
           "too large");
   const turbomap_test::temporary_directory folder;
   CHECK(has(bad_file_message([&] { turbomap::read_npy<float>(folder / "gone.npy"); }), "array gone: cannot be opened"));
+  CHECK(has(bad_file_message([&] { turbomap::read_npy<float>(folder.path()); }), "cannot be opened"));
   CHECK(has(bad_file_message([&] { turbomap::write_npy<float>(folder / "no/such/f.npy", {}, {0}); }),
             "array f: cannot be"));
   CHECK_THROWS_AS(turbomap::write_npy<float>(folder / "f.npy", {}, {1}), std::invalid_argument);

@@ -7,6 +7,10 @@
 #include <turbomap/io/trajectory_error.hpp>
 
 #include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <iterator>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -33,6 +37,48 @@ TEST_CASE("a trajectory is read back as written, to the nanosecond") {
   }
 }
 
+TEST_CASE("any coordinate and any time is written in full, in every locale") {
+  const turbomap_test::temporary_directory folder;
+  const turbomap_test::comma_locale comma;
+  constexpr auto lowest = std::numeric_limits<std::int64_t>::min(), highest = std::numeric_limits<std::int64_t>::max();
+  const std::vector<turbomap::stamped_pose> poses{
+      {lowest, {0, 0, 0, 1, 1e300, -1e300, 1e300}}, {0, {0, 0, 0, 1, 1234567.25, -0.5, 1e-320}}, {highest, {}}};
+  turbomap::write_trajectory(folder / "t.txt", poses);
+  const auto read = turbomap::read_trajectory(folder / "t.txt");
+  REQUIRE(read.size() == 3);
+  CHECK(read[0].t_ns == lowest);
+  CHECK(read[0].T_wb.tx == 1e300);
+  CHECK(read[0].T_wb.tz == 1e300);
+  CHECK(read[0].T_wb.qw == 1);
+  CHECK(read[1].T_wb.tx == 1234567.25);
+  CHECK(read[1].T_wb.tz == 0);
+  CHECK(read[2].t_ns == highest);
+  CHECK(turbomap_test::has(turbomap_test::file_bytes(folder / "t.txt"),
+                           "\n0.000000000 1234567.250000000 -0.500000000 0.000000000 0.000000000 "));
+}
+
+TEST_CASE("a trajectory that could not be read is not written") {
+  const turbomap_test::temporary_directory folder;
+  turbomap::write_trajectory(folder / "t.txt", {{1, {}}});
+  const std::string before = turbomap_test::file_bytes(folder / "t.txt");
+  const auto refused = [&](const std::vector<turbomap::stamped_pose>& poses) {
+    CHECK_THROWS_AS(turbomap::write_trajectory(folder / "t.txt", poses), std::invalid_argument);
+    CHECK(turbomap_test::file_bytes(folder / "t.txt") == before);
+  };
+  refused({});
+  refused({{5, {}}, {5, {}}});
+  refused({{5, {}}, {6, {0, 0, 0, 0, 0, 0, 0}}});
+  refused({{5, {0, 0, 0, 1, NAN, 0, 0}}});
+  refused({{5, {0, 0, 0, 1, 0, 0, INFINITY}}});
+  CHECK(has(bad_file_message([&] { turbomap::write_trajectory(folder.path(), {{1, {}}}); }), "could not be written"));
+  // A link stays one, and what it points at is replaced.
+  std::filesystem::create_symlink(folder / "t.txt", folder / "link.txt");
+  turbomap::write_trajectory(folder / "link.txt", {{2, {}}});
+  CHECK(std::filesystem::is_symlink(folder / "link.txt"));
+  CHECK(turbomap::read_trajectory(folder / "t.txt").at(0).t_ns == 2);
+  CHECK(std::distance(std::filesystem::directory_iterator(folder.path()), {}) == 2);
+}
+
 TEST_CASE("malformed trajectories are refused by line and reason") {
   const turbomap_test::temporary_directory folder;
   const auto error = [&](const std::string& text) {
@@ -48,7 +94,11 @@ TEST_CASE("malformed trajectories are refused by line and reason") {
   CHECK(has(error(good + "2x 0 0 0 0 0 0 1\n"), "line 4: '2x' is not"));
   CHECK(has(error(good + "2 0 0 0 0 0 0 0\n"), "line 4: does not end with a unit"));
   CHECK(has(error(good + "1.5 0 0 0 0 0 0 1\n"), "line 4: is not later"));
+  CHECK(has(error("9223372036.854775808 0 0 0 0 0 0 1\n"), "line 1: '9223372036.854775808' is not"));
+  CHECK(has(error("-9223372036.854775809 0 0 0 0 0 0 1\n"), "is not a number"));
+  CHECK(has(error("99999999999999999999 0 0 0 0 0 0 1\n"), "is not a number"));
   CHECK(has(error("# nothing\n"), "there is no pose"));
+  CHECK(has(bad_file_message([&] { turbomap::read_trajectory(folder.path()); }), "cannot be opened"));
   CHECK(has(bad_file_message([&] { turbomap::read_trajectory(folder / "gone.txt"); }), "cannot be opened"));
 }
 

@@ -3,12 +3,15 @@
 #pragma once
 
 /// \file
-/// What tests of files share: a folder that goes away, bytes of a file to break, and the message of a bad_file.
+/// What tests of files share: a folder that goes away, bytes of a file to break, the message of a bad_file, a program
+/// that writes numbers with a comma.
 
+#include <clocale>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <locale>
 #include <random>
 #include <string>
 
@@ -56,6 +59,30 @@ std::string bad_file_message(Call call) {
   }
   return "nothing thrown";
 }
+/// As long as it lives, the program's locale has a decimal comma and thousands in groups, as many have: C++'s always, C's
+/// where the machine has one of the usual names.
+class comma_locale {
+ public:
+  comma_locale() : old_(std::locale::global(std::locale(std::locale::classic(), new facet))) {
+    for (const char* name : {"de_DE.UTF-8", "fr_FR.UTF-8", "de_DE", "fr_FR"})
+      if (std::setlocale(LC_NUMERIC, name) != nullptr) break;
+  }
+  ~comma_locale() {
+    std::locale::global(old_);
+    std::setlocale(LC_NUMERIC, "C");
+  }
+  comma_locale(const comma_locale&) = delete;
+  comma_locale& operator=(const comma_locale&) = delete;
+
+ private:
+  struct facet : std::numpunct<char> {
+    char do_decimal_point() const override { return ','; }
+    char do_thousands_sep() const override { return '.'; }
+    std::string do_grouping() const override { return "\3"; }
+  };
+  std::locale old_;
+};
+
 inline bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
 
 }  // namespace turbomap_test

@@ -12,9 +12,9 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <map>
+#include <set>
 #include <string>
-#include <unordered_map>
-#include <unordered_set>
 #include <vector>
 
 #include "../camera/pinhole.hpp"
@@ -69,6 +69,7 @@ inline mono_rig<pinhole<double>> read_kitti_calibration(const std::filesystem::p
   if (!(camera.fx > 0) || !(camera.fy > 0)) in.fail("a focal length is not positive");
   if (skew != 0) in.fail("the skew is not 0");
   if (!(baseline > 0)) in.fail("the baseline is not positive");
+  if (!std::isfinite(camera.fx * baseline)) in.fail("focal length times baseline is not finite");
   if (!in.file_ends()) in.fail("there is more than fx fy skew cx cy baseline");
   return make_mono_rig(camera, camera.fx * baseline);
 }
@@ -87,6 +88,7 @@ inline rigid_transform<double> read_kitti_pose(text_reader& in) {
   rigid_transform<double> T = unit_quaternion(transpose(R));
   const vec3<double> t = rotation(T) * vec3<double>{m[3], m[7], m[11]};
   T.tx = -t.x, T.ty = -t.y, T.tz = -t.z;
+  if (!is_finite(T.tx + T.ty + T.tz)) in.fail("the position of the pose is too large");
   return T;
 }
 
@@ -99,7 +101,7 @@ inline kitti_stereo_problem read_kitti_stereo(const std::filesystem::path& calib
                                               const std::filesystem::path& factors) {
   kitti_stereo_problem p;
   p.rig = detail::read_kitti_calibration(calibration);
-  std::unordered_map<std::int64_t, std::int32_t> frames, landmarks;
+  std::map<std::int64_t, std::int32_t> frames, landmarks;  // no hash: ids of a file could be made to collide
   detail::text_reader pose(poses);
   while (!pose.file_ends()) {
     const auto id = pose.take<std::int64_t>("frame id");
@@ -111,7 +113,7 @@ inline kitti_stereo_problem read_kitti_stereo(const std::filesystem::path& calib
   }
   if (frames.empty()) pose.fail("there is no pose");
   detail::text_reader in(factors);
-  std::unordered_set<std::int64_t> seen;  // frame and landmark
+  std::set<std::int64_t> seen;  // frame and landmark
   while (!in.file_ends()) {
     const auto frame_id = in.take<std::int64_t>("frame id"), landmark_id = in.take<std::int64_t>("landmark id");
     const auto frame = frames.find(frame_id);
@@ -124,7 +126,10 @@ inline kitti_stereo_problem read_kitti_stereo(const std::filesystem::path& calib
     if (is_new) {
       if (!(x.z > 0)) in.fail("landmark " + std::to_string(landmark_id) + " is not in front of the camera");
       const auto T_cw = to_isometry<double>(p.data.T_cw[static_cast<std::size_t>(frame->second)]);
-      p.data.points.push_back(inverse(T_cw) * x);
+      const vec3<double> point = inverse(T_cw) * x;
+      if (!detail::is_finite(point.x + point.y + point.z))
+        in.fail("the position of landmark " + std::to_string(landmark_id) + " is too large");
+      p.data.points.push_back(point);
       p.landmark_id.push_back(landmark_id);
     }
     const std::int64_t pair = (std::int64_t{frame->second} << 32) | landmark->second;

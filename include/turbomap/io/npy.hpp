@@ -12,7 +12,6 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <memory>
 #include <string>
 #include <system_error>
 #include <type_traits>
@@ -22,6 +21,7 @@
 #include "../error.hpp"
 #include "../span.hpp"
 #include "../types.hpp"
+#include "file_handle.hpp"
 #include "npy_header.hpp"
 
 namespace turbomap {
@@ -66,11 +66,6 @@ struct npy_array {
 TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
-
-struct close_file {
-  void operator()(std::FILE* file) const { std::fclose(file); }
-};
-using file_handle = std::unique_ptr<std::FILE, close_file>;
 
 template <class T>
 constexpr const char* npy_descr() {
@@ -171,8 +166,8 @@ std::vector<Row> read_npy_rows(const std::filesystem::path& path) {
   return rows;
 }
 
-/// Writes `values` with this shape (format 1.0; 2.0 never is necessary for plain shapes). Throws std::invalid_argument
-/// if the shape does not hold them, bad_file if the file cannot be written.
+/// Writes `values` with this shape (format 1.0; 2.0 for a shape whose text is above 64 KB). Throws std::invalid_argument
+/// if the shape does not hold them, bad_file if the file cannot be written; the file is as before then.
 template <class T>
 void write_npy(const std::filesystem::path& path, span<const T> values, const std::vector<std::size_t>& shape) {
   const std::string name = path.stem().string();
@@ -180,12 +175,11 @@ void write_npy(const std::filesystem::path& path, span<const T> values, const st
   require(detail::element_count(shape, sizeof(T)) == values.size(), "shape", detail::shape_text(shape),
           "must hold as many elements as there are");
   const std::string header = detail::npy_header_bytes(detail::npy_descr<T>(), shape);
-  std::FILE* file = std::fopen(path.string().c_str(), "wb");
-  if (!file) detail::reject_array(path, name, "cannot be opened for writing");
-  bool good = std::fwrite(header.data(), 1, header.size(), file) == header.size();
-  if (!values.empty()) good = std::fwrite(values.data(), sizeof(T), values.size(), file) == values.size() && good;
-  good = std::fclose(file) == 0 && good;  // a full disk may show only here
-  if (!good) detail::reject_array(path, name, "could not be written");
+  detail::file_replacement file(path);
+  if (!file.is_open()) detail::reject_array(path, name, "cannot be opened for writing");
+  file.write(header.data(), header.size());
+  file.write(values.data(), values.size() * sizeof(T));
+  if (!file.finish()) detail::reject_array(path, name, "could not be written");
 }
 
 /// Writes rows as read_npy_rows reads them.

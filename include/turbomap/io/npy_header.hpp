@@ -136,22 +136,19 @@ inline npy_header parse_npy_header(const std::filesystem::path& file, const std:
   return npy_header_parser(file, array, text).parse();
 }
 
-/// Magic, version 1.0 and the literal, padded so that the data begin at a multiple of 64 bytes.
+/// Magic, version (1.0; 2.0 when the literal is too long for it) and the literal, padded so that the data begin at a
+/// multiple of 64 bytes.
 inline std::string npy_header_bytes(const std::string& descr, const std::vector<std::size_t>& shape) {
   std::string text = "{'descr': '" + descr + "', 'fortran_order': False, 'shape': " + shape_text(shape) + ", }";
-  text.append((64 - (10 + text.size() + 1) % 64) % 64, ' ');
+  const bool is_long = text.size() + 64 > 0xFFFF;
+  const std::size_t before = is_long ? 12 : 10;
+  text.append((64 - (before + text.size() + 1) % 64) % 64, ' ');
   text += '\n';
-  const char prefix[10] = {'\x93',
-                           'N',
-                           'U',
-                           'M',
-                           'P',
-                           'Y',
-                           1,
-                           0,
-                           static_cast<char>(text.size() & 0xFF),
-                           static_cast<char>(text.size() >> 8)};
-  return std::string(prefix, 10) + text;
+  std::string bytes("\x93NUMPY", 6);
+  bytes += static_cast<char>(is_long ? 2 : 1);
+  bytes += '\0';
+  for (std::size_t i = 8; i < before; ++i) bytes += static_cast<char>(text.size() >> 8 * (i - 8) & 0xFF);
+  return bytes + text;
 }
 
 }  // namespace detail

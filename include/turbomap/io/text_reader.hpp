@@ -3,53 +3,58 @@
 #pragma once
 
 /// \file
-/// Numbers of a text file, one after the other, in the C locale whatever the program's is. The file is read in one go.
+/// Numbers and words of a text file, one after the other.
 
-#include <charconv>
-#include <cmath>
 #include <cstddef>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <string>
-#include <system_error>
-#include <type_traits>
 
 #include "../config.hpp"
 #include "../error.hpp"
+#include "text_file.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
-/// Takes numbers separated by white space, across lines; failures name file, line and reason.
+/// Takes numbers and words separated by white space; failures name file, line and reason.
 class text_reader {
  public:
-  explicit text_reader(const std::filesystem::path& file) : file_(file.string()) {
-    std::error_code ignored;
-    std::ifstream stream(file, std::ios::binary);
-    if (!stream || std::filesystem::is_directory(file, ignored))
-      throw bad_file("turbomap: " + file_ + ": cannot be opened");
-    text_.assign(std::istreambuf_iterator<char>(stream), {});
-  }
+  explicit text_reader(const std::filesystem::path& file) : file_(file.string()), text_(read_text_file(file)) {}
 
-  /// The next number: an integer that T holds, or a finite floating-point one. `what` names it in the failure.
+  /// The next number, on this line or a later one: an integer that T holds, or a finite floating-point one. `what` names
+  /// it in the failure.
   template <class T>
   T take(const char* what) {
     skip_space(true);
     if (at_ == text_.size()) fail(std::string("the file ends before ") + what);
-    const char *begin = text_.data() + at_, *end = text_.data() + word_end();
-    if (*begin == '+') ++begin;
-    T value{};
-    const auto [rest, error] = std::from_chars(begin, end, value);
-    bool good = error == std::errc() && rest == end;
-    if constexpr (std::is_floating_point_v<T>) {
-      if (error == std::errc::result_out_of_range && rest == end) good = subnormal(begin, end, value);
-      good = good && std::isfinite(value);
-    }
-    if (!good) fail("'" + text_.substr(at_, word_end() - at_) + "' is no " + what);
-    at_ = static_cast<std::size_t>(end - text_.data());
-    return value;
+    return number<T>(what);
+  }
+  /// The next number, or word, of this line.
+  template <class T>
+  T take_on_line(const char* what) {
+    if (line_ends()) fail(std::string("there is no ") + what);
+    return number<T>(what);
+  }
+  std::string take_word(const char* what) {
+    if (line_ends()) fail(std::string("there is no ") + what);
+    return take_until(word_end());
+  }
+  /// What is left of the line, without white space at its ends.
+  std::string take_rest(const char* what) {
+    if (line_ends()) fail(std::string("there is no ") + what);
+    std::size_t end = at_;
+    for (std::size_t i = at_; i < text_.size() && text_[i] != '\n'; ++i)
+      if (!is_space(text_[i])) end = i + 1;
+    return take_until(end);
+  }
+  /// The first character of what is left of the line, '\n' when nothing is.
+  char peek() { return line_ends() ? '\n' : text_[at_]; }
+  /// Goes to the beginning of the next line, whatever is left of this one; false: there is none.
+  bool next_line() {
+    while (at_ < text_.size() && text_[at_] != '\n') ++at_;
+    if (at_ < text_.size()) ++at_, ++line_;
+    return at_ < text_.size();
   }
   /// Whether nothing but white space is left; on the line, or in the file.
   bool line_ends() {
@@ -82,12 +87,19 @@ class text_reader {
     while (end < text_.size() && !is_space(text_[end])) ++end;
     return end;
   }
-  /// from_chars refuses what is too small as it does what is too large; the former is as good as zero.
+  std::string take_until(std::size_t end) {
+    const std::string taken = text_.substr(at_, end - at_);
+    at_ = end;
+    return taken;
+  }
   template <class T>
-  static bool subnormal(const char* begin, const char* end, T& value) {
-    for (const char* c = begin; c != end; ++c)
-      if ((*c == 'e' || *c == 'E') && c + 1 != end) return value = T(0), c[1] == '-';
-    return false;
+  T number(const char* what) {
+    T value{};
+    const std::size_t end = word_end();
+    if (!parse_number(text_.data() + at_, text_.data() + end, value))
+      fail("'" + text_.substr(at_, end - at_) + "' is no " + what);
+    at_ = end;
+    return value;
   }
 
   std::string file_, text_;

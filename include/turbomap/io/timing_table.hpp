@@ -6,17 +6,14 @@
 /// The table of times that a recorded system measured, one row per iteration of local mapping (timing.csv).
 
 #include <algorithm>
-#include <charconv>
-#include <cmath>
 #include <cstddef>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <string>
 #include <vector>
 
 #include "../config.hpp"
 #include "../error.hpp"
+#include "text_file.hpp"
 
 namespace turbomap {
 
@@ -56,13 +53,12 @@ struct timing_table {
 TURBOMAP_BEGIN_NAMESPACE
 
 /// Reads a table of numbers with one header line, separated by commas. Throws bad_file naming file, line and reason.
+/// Linear in the size of the file.
 inline timing_table read_timing_table(const std::filesystem::path& file) {
-  std::ifstream stream(file, std::ios::binary);
+  const std::string text = detail::read_text_file(file);
   const auto fail = [&](std::size_t line, const std::string& reason) {
     throw bad_file("turbomap: " + file.string() + ": line " + std::to_string(line) + ": " + reason);
   };
-  if (!stream) fail(1, "the file cannot be opened");
-  const std::string text((std::istreambuf_iterator<char>(stream)), {});
   timing_table table;
   std::size_t line = 0;
   for (std::size_t at = 0; at < text.size();) {
@@ -72,21 +68,27 @@ inline timing_table read_timing_table(const std::filesystem::path& file) {
     ++line;
     std::size_t column = 0;
     for (std::size_t cell = at; cell <= end; ++column) {
-      const std::size_t stop = std::min(text.find(',', cell), end);
+      std::size_t stop = cell;  // not text.find(), which looks beyond the line
+      while (stop != end && text[stop] != ',') ++stop;
       if (line == 1) {
         table.names.push_back(text.substr(cell, stop - cell));
         table.columns.emplace_back();
       } else {
         double value = 0;
-        const auto [rest, error] = std::from_chars(text.data() + cell, text.data() + stop, value);
         if (column >= table.columns.size()) fail(line, "has more cells than the header");
-        if (error != std::errc() || rest != text.data() + stop || !std::isfinite(value))
+        if (!detail::parse_number(text.data() + cell, text.data() + stop, value))
           fail(line, "'" + text.substr(cell, stop - cell) + "' is not a number");
         table.columns[column].push_back(value);
       }
       cell = stop + 1;
     }
     if (column != table.columns.size()) fail(line, "has fewer cells than the header");
+    if (line == 1) {
+      std::vector<std::string> sorted = table.names;
+      std::sort(sorted.begin(), sorted.end());
+      const auto twice = std::adjacent_find(sorted.begin(), sorted.end());
+      if (twice != sorted.end()) fail(line, "has two columns '" + *twice + "'");
+    }
     at = next;
   }
   if (table.empty()) fail(1, "the table has no header");

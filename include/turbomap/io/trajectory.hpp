@@ -9,16 +9,14 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <string>
 #include <vector>
 
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../types.hpp"
+#include "text_file.hpp"
 
 namespace turbomap {
 
@@ -35,25 +33,46 @@ TURBOMAP_BEGIN_NAMESPACE
 namespace detail {
 
 /// Seconds written in decimals to nanoseconds, exactly: a double has no room for both the epoch and nanoseconds. Digits
-/// beyond the ninth are dropped. False when it is not a plain decimal number.
+/// beyond the ninth are dropped. False when it is not a plain decimal number, or has no room in 64 bits.
 inline bool parse_seconds(const char* at, const char* end, std::int64_t& t_ns) {
   const bool negative = at != end && *at == '-';
   if (negative) ++at;
-  std::int64_t whole = 0, part = 0;
+  std::uint64_t whole = 0, part = 0;
   const auto integer = std::from_chars(at, end, whole);
-  if (integer.ec != std::errc() || whole < 0 || whole > 9000000000) return false;
+  if (integer.ec != std::errc() || whole > 9223372036) return false;  // 2^63 ns
   at = integer.ptr;
   if (at != end) {
     if (*at++ != '.') return false;
-    std::int64_t unit = 100000000;
+    std::uint64_t unit = 100000000;
     for (; at != end; ++at, unit /= 10) {
       if (*at < '0' || *at > '9') return false;
-      part += unit * (*at - '0');
+      part += unit * static_cast<std::uint64_t>(*at - '0');
     }
   }
-  t_ns = (negative ? -1 : 1) * (whole * 1000000000 + part);
+  const std::uint64_t size = whole * 1000000000 + part, limit = std::uint64_t{1} << 63;
+  if (size > limit - (negative ? 0 : 1)) return false;
+  // Minus one, so that -2^63, which has no positive counterpart, is computed too.
+  t_ns = negative && size != 0 ? -static_cast<std::int64_t>(size - 1) - 1 : static_cast<std::int64_t>(size);
   return true;
 }
+
+/// Appends seconds with nine decimals.
+inline void append_seconds(std::string& text, std::int64_t t_ns) {
+  const std::uint64_t size = t_ns < 0 ? 0 - static_cast<std::uint64_t>(t_ns) : static_cast<std::uint64_t>(t_ns);
+  const std::string part = std::to_string(size % 1000000000);
+  if (t_ns < 0) text += '-';
+  text.append(std::to_string(size / 1000000000)).append(".").append(9 - part.size(), '0').append(part);
+}
+
+/// Appends a blank and the number with nine decimals, as printf does in the C locale.
+inline void append_decimals(std::string& text, double value) {
+  char number[330];  // sign, 309 digits of the largest double, point, nine decimals
+  text.append(" ").append(number,
+                          std::to_chars(number, number + sizeof number, value, std::chars_format::fixed, 9).ptr);
+}
+
+/// Both sides of the format: how far a quaternion may be from a unit one (it has few digits).
+inline bool is_trajectory_rotation(double norm) { return std::abs(norm - 1) < 1e-2; }
 
 }  // namespace detail
 
@@ -61,9 +80,7 @@ inline bool parse_seconds(const char* at, const char* end, std::int64_t& t_ns) {
 /// bad_file naming file, line and reason: not eight finite numbers, a rotation that is none, times that do not rise, no
 /// pose at all.
 inline std::vector<stamped_pose> read_trajectory(const std::filesystem::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream) throw bad_file("turbomap: " + file.string() + ": cannot be opened");
-  const std::string text((std::istreambuf_iterator<char>(stream)), {});
+  const std::string text = detail::read_text_file(file);
   std::vector<stamped_pose> poses;
   std::size_t line = 0;
   const auto fail = [&](const std::string& reason) {
@@ -86,20 +103,14 @@ inline std::vector<stamped_pose> read_trajectory(const std::filesystem::path& fi
         const char* stop = at;
         while (stop != end && !blank(*stop)) ++stop;
         if (stop == at) fail("has " + std::to_string(i) + " numbers, not t x y z qx qy qz qw");
-        bool good;
-        if (i == 0) {
-          good = detail::parse_seconds(at, stop, pose.t_ns);
-        } else {
-          const auto number = std::from_chars(at, stop, v[i - 1]);
-          good = number.ec == std::errc() && number.ptr == stop && std::isfinite(v[i - 1]);
-        }
-        if (!good) fail("'" + std::string(at, stop) + "' is not a number");
+        if (!(i == 0 ? detail::parse_seconds(at, stop, pose.t_ns) : detail::parse_number(at, stop, v[i - 1])))
+          fail("'" + std::string(at, stop) + "' is not a number");
         at = stop;
         skip();
       }
       if (at != end) fail("has more than eight numbers");
       const double norm = std::sqrt(v[3] * v[3] + v[4] * v[4] + v[5] * v[5] + v[6] * v[6]);
-      if (!(std::abs(norm - 1) < 1e-2)) fail("does not end with a unit quaternion");
+      if (!detail::is_trajectory_rotation(norm)) fail("does not end with a unit quaternion");
       pose.T_wb = {v[3] / norm, v[4] / norm, v[5] / norm, v[6] / norm, v[0], v[1], v[2]};
       if (!poses.empty() && pose.t_ns <= poses.back().t_ns) fail("is not later than the pose before");
       poses.push_back(pose);
@@ -110,21 +121,27 @@ inline std::vector<stamped_pose> read_trajectory(const std::filesystem::path& fi
   return poses;
 }
 
-/// Writes a trajectory: nanoseconds exactly, the rest with nine decimals. Throws bad_file if it cannot.
+/// Writes a trajectory: nanoseconds exactly, the rest with nine decimals. Throws std::invalid_argument for what
+/// read_trajectory would refuse (no pose, times that do not rise, numbers that are not finite, a rotation that is none),
+/// bad_file if it cannot be written; the file is as before then.
 inline void write_trajectory(const std::filesystem::path& file, const std::vector<stamped_pose>& poses) {
+  require(!poses.empty(), "poses", poses.size(), "must not be empty");
   std::string text = "# t x y z qx qy qz qw\n";
-  char line[256];
-  for (const stamped_pose& p : poses) {
-    const std::int64_t t = p.t_ns < 0 ? -p.t_ns : p.t_ns;
-    const auto& T = p.T_wb;
-    std::snprintf(line, sizeof line, "%s%lld.%09lld %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n", p.t_ns < 0 ? "-" : "",
-                  static_cast<long long>(t / 1000000000), static_cast<long long>(t % 1000000000), T.tx, T.ty, T.tz,
-                  T.qx, T.qy, T.qz, T.qw);
-    text += line;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const auto& T = poses[i].T_wb;
+    const auto named = [&](const char* field) { return "poses[" + std::to_string(i) + "]." + field; };
+    if (i > 0 && poses[i].t_ns <= poses[i - 1].t_ns)
+      reject(named("t_ns"), poses[i].t_ns, "must be later than the pose before");
+    const double norm = std::sqrt(T.qx * T.qx + T.qy * T.qy + T.qz * T.qz + T.qw * T.qw);
+    if (!detail::is_trajectory_rotation(norm)) reject(named("T_wb quaternion norm"), norm, "must be 1");
+    detail::append_seconds(text, poses[i].t_ns);
+    for (const double x : {T.tx, T.ty, T.tz, T.qx, T.qy, T.qz, T.qw}) {
+      if (!std::isfinite(x)) reject(named("T_wb"), x, "must be finite");
+      detail::append_decimals(text, x);
+    }
+    text += '\n';
   }
-  std::ofstream stream(file, std::ios::binary);
-  stream << text;
-  if (!stream.flush()) throw bad_file("turbomap: " + file.string() + ": could not be written");
+  if (!detail::replace_text_file(file, text)) throw bad_file("turbomap: " + file.string() + ": could not be written");
 }
 
 TURBOMAP_END_NAMESPACE
