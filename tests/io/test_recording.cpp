@@ -6,6 +6,8 @@
 #include <turbomap/io/recording.hpp>
 #include <turbomap/io/recording_writer.hpp>
 
+#include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <functional>
@@ -153,12 +155,15 @@ TEST_CASE("damaged recordings are refused by array and reason") {
   refused(
       with<turbomap::vec2<float>>("log_kp_xy", [](auto& rows) { rows[6].y = std::numeric_limits<float>::infinity(); }),
       "log_kp_xy", "row 6");
-  refused(with<pose>("log_Tcw", [](auto& rows) { rows[1].qw = 0; }), "log_Tcw", "row 1 does not begin with a unit");
+  refused(with<pose>("log_Tcw", [](auto& rows) { rows[1].qw = 0; }), "log_Tcw", "row 1 has no unit quaternion");
   refused(with<pose>("frame_Tcw", [](auto& rows) { rows[1].tx = std::nanf(""); }), "frame_Tcw", "row 1");
   refused(with<turbomap::imu_sample>("imu_gyro_acc", [](auto& rows) { rows[2].gyro.x = NAN; }), "imu_gyro_acc",
           "row 2");
   refused(with<i8>("imu_t_ns", [](auto& rows) { rows[2] = 0; }), "imu_t_ns", "row 2 is earlier");
   refused(with<i4>("log_prev_kf", [](auto& rows) { rows[1] = 1; }), "log_prev_kf", "row 1");
+  refused(with<i8>("frame_t_ns", [](auto& rows) { rows[2] = -5; }), "frame_t_ns", "row 2 is earlier");
+  refused(with<turbomap::stamped_body_pose>("gt_Twb", [](auto& rows) { rows[1].qw = 0; }), "gt_Twb",
+          "row 1 has no unit quaternion");
   refused(with<i4>(
               "log_nleft", [](auto& rows) { rows[1] = 6; }, true),
           "log_nleft", "row 1 is 6");
@@ -184,6 +189,29 @@ TEST_CASE("a damaged meta.json is refused by key and reason") {
   CHECK(has(meta("435.204681,", ""), "key 'camera1': needs 4"));
   CHECK(has(meta("\"mnMaxX\": 640", "\"mnMaxX\": -1"), "key 'mnMaxX'"));
   CHECK(has(meta("{", "["), "is not a JSON object"));
+  for (const char* width : {"true", "640.9", "640.0", "\"640\"", "[640]", "1e3"})
+    CHECK(has(meta("\"width\": 640", std::string("\"width\": ") + width), "key 'width': has the wrong type"));
+  for (const char* width : {"4294967936", "-4294966656", "18446744073709551615"})
+    CHECK(has(meta("\"width\": 640", std::string("\"width\": ") + width), "key 'width': is out of range"));
+  CHECK(has(meta("\"width\": 640", "\"width\": 0"), "key 'width': is not positive"));
+  CHECK(has(meta("\"width\": 640", "\"width\": 1e300"), "key 'width': has the wrong type"));
+  CHECK(has(meta("\"snapshots\": [\n  1\n ]", "\"snapshots\": [4294967297]"), "key 'snapshots': is out of range"));
+  CHECK(has(meta("\"n_levels\": 8", "\"n_levels\": 8.7"), "key 'n_levels': has the wrong type"));
+  CHECK(has(meta("\"mnMaxX\": 640.0", "\"mnMaxX\": 1e300"), "key 'mnMaxX': is out of range"));
+  CHECK(has(meta("\"scale_factor\": 1.2", "\"scale_factor\": 1e39, \"x\": 1.2"), "key 'scale_factor': is out of"));
+  CHECK(has(meta("435.204681", "-435.2"), "key 'camera1': has a focal length that is not"));
+  CHECK(has(meta("435.204681", "null"), "key 'camera1': has the wrong type"));
+  CHECK(has(meta("\"bf\": 47.9", "\"bf\": -1e9"), "key 'bf': is negative"));
+  CHECK(has(meta("\"level_sigma2\": [\n  1.0", "\"level_sigma2\": [0"), "key 'level_sigma2': is not positive"));
+  CHECK(has(meta("\"Tlr\": [\n  0.0", "\"Tlr\": [7"), "key 'Tlr': does not begin with a unit quaternion"));
+  CHECK(has(meta("\"grid_cols\": 64", "\"grid_cols\": 2147483647"), "key 'grid_cols': is above"));
+  CHECK(has(meta("\"iter\": 1", "\"iter\": 1.5"), "key 'events.iter': has the wrong type"));
+  CHECK(has(meta("\"iter\": 1,", ""), "key 'events.iter': is missing"));
+  CHECK(has(after([](const auto& folder) {
+              std::filesystem::remove(folder / "meta.json");
+              std::filesystem::create_directory(folder / "meta.json");
+            }),
+            "meta.json: cannot be opened"));
   CHECK(has(after([](const auto& folder) { std::filesystem::remove(folder / "meta.json"); }),
             "meta.json: cannot be opened"));
   CHECK(
@@ -196,6 +224,117 @@ TEST_CASE("nothing is written of a recording that is not one") {
   r.assoc_kp[0] = 77;
   CHECK(has(bad_file_message([&] { turbomap::write_recording(folder / "new", r); }), "log_assoc_kp"));
   CHECK_FALSE(std::filesystem::exists(folder / "new"));
+}
+
+TEST_CASE("a meta.json that could not be read is not written, and the old recording stays") {
+  const turbomap_test::temporary_directory folder;
+  turbomap::write_recording(folder.path(), small_recording());
+  const std::string before = turbomap_test::file_bytes(folder / "meta.json");
+  const auto refused = [&](const std::function<void(turbomap::recording_meta&)>& change, const std::string& reason) {
+    turbomap::recording r = small_recording();
+    change(r.meta), r.T_cw[0].tx = 42;
+    const std::string message = bad_file_message([&] { turbomap::write_recording(folder.path(), r); });
+    CAPTURE(message);
+    CHECK(has(message, reason));
+    CHECK(turbomap_test::file_bytes(folder / "meta.json") == before);
+    CHECK(turbomap::read_recording(folder.path()).T_cw[0].tx == 0);
+    CHECK_THROWS_AS(turbomap::write_recording_meta(folder / "other.json", r.meta), turbomap::bad_file);
+    CHECK_FALSE(std::filesystem::exists(folder / "other.json"));
+  };
+  refused([](auto& m) { m = turbomap::recording_meta(); }, "key 'width': is not positive");
+  refused([](auto& m) { m.scale_factor = 0.5F; }, "key 'scale_factor': is not above 1");
+  refused([](auto& m) { m.scale_factor = INFINITY; }, "key 'scale_factor': is not finite");
+  refused([](auto& m) { m.camera1[2] = NAN; }, "key 'camera1': is not finite");
+  refused([](auto& m) { m.close_depth = NAN; }, "key 'thDepth': is not finite");
+  refused([](auto& m) { m.T_bc.qw = 2; }, "key 'Tbc': does not begin");
+  refused([](auto& m) { m.imu_noise_variance.pop_back(); }, "key 'imu_noise_cov_diag': needs 6");
+  refused([](auto& m) { m.noise_px = -2; }, "key 'noise_px': is negative");
+  refused([](auto& m) { m.sim3_scale = NAN; }, "key 'sim3_scale': is not finite");
+  refused([](auto& m) { m.events[0].name = "\xff\xfe"; }, "a string is not UTF-8");
+  refused([](auto& m) { m.sensor = "\xff"; }, "a string is not UTF-8");
+}
+
+TEST_CASE("meta.json is the same in every locale") {
+  const turbomap_test::temporary_directory folder;
+  const turbomap::recording r = small_recording();
+  turbomap::write_recording_meta(folder / "classic.json", r.meta);
+  const turbomap_test::comma_locale comma;
+  turbomap::write_recording_meta(folder / "comma.json", r.meta);
+  CHECK(turbomap_test::file_bytes(folder / "comma.json") == turbomap_test::file_bytes(folder / "classic.json"));
+  CHECK(turbomap::read_recording_meta(folder / "comma.json").camera1 == r.meta.camera1);
+}
+
+TEST_CASE("the recorder refuses what could not be read when it is added") {
+  CHECK_THROWS_AS(turbomap::recorder(turbomap::recording_meta{}), std::invalid_argument);
+  turbomap::recorder record(small_meta(false));
+  const std::vector<turbomap::descriptor_bytes> descriptors(2);
+  struct keyframe {
+    std::vector<turbomap::keypoint> keypoints = std::vector<turbomap::keypoint>(2);
+    std::vector<std::int32_t> partner = std::vector<std::int32_t>(2, -1);
+    std::vector<turbomap::point_association> associations;
+    std::vector<turbomap::recorded_recent_point> recent;
+    turbomap::keyframe_record record;
+  };
+  const auto add = [&](const std::function<void(keyframe&)>& change) {
+    keyframe k;
+    k.record.t_ns = 5;
+    change(k);
+    k.record.keypoints = k.keypoints, k.record.descriptors = descriptors, k.record.stereo_partner = k.partner;
+    k.record.associations = k.associations, k.record.recent = k.recent;
+    try {
+      record.add(k.record);
+    } catch (const std::invalid_argument& error) {
+      return std::string(error.what());
+    }
+    return std::string("nothing thrown");
+  };
+  CHECK(add([](keyframe&) {}) == "nothing thrown");
+  CHECK(add([](keyframe& k) { k.record.previous = 0; }) == "nothing thrown");
+  const auto refused = [&](const std::function<void(keyframe&)>& change, const std::string& reason) {
+    const std::string message = add(change);
+    CAPTURE(message);
+    CHECK(has(message, reason));
+    CHECK(record.data().keyframe_count() == 2);
+    CHECK(record.data().kp_xy.size() == 4);
+    CHECK(record.data().kp_off == std::vector<i8>{0, 2, 4});
+  };
+  refused([](auto& k) { k.record.T_cw.tx = NAN; }, "keyframe 2/log_Tcw.npy: array log_Tcw: row 0 holds a number");
+  refused([](auto& k) { k.record.T_cw.qw = 0; }, "array log_Tcw: row 0 has no unit quaternion");
+  refused([](auto& k) { k.record.t_ns = 4; }, "t_ns = 4: must not be before");
+  refused([](auto& k) { k.keypoints[1].octave = 200; }, "array log_kp_octave: row 1 is 200");
+  refused([](auto& k) { k.keypoints[1].x = INFINITY; }, "array log_kp_xy: row 1 holds");
+  refused([](auto& k) { k.record.previous = 2; }, "array log_prev_kf: row 0 is 2, not an earlier keyframe");
+  refused([](auto& k) { k.partner[1] = 2; }, "array log_kp_lrmatch: row 1 is 2");
+  refused([](auto& k) { k.record.velocity.x = NAN; }, "array log_vel: row 0");
+  refused([](auto& k) { k.record.bias[3] = NAN; }, "array log_bias: row 0");
+  const turbomap::point_association good{0, {1, 1}, {0, 0}, {1, 2, 3}, false};
+  const auto association = [&](const std::function<void(turbomap::point_association&)>& change) {
+    return [&good, change](keyframe& k) { k.associations = {good, good}, change(k.associations[1]); };
+  };
+  refused(association([](auto& a) { a.keypoint = 2; }), "array log_assoc_kp: row 1 is 2");
+  refused(association([](auto& a) { a.latest = {1, 2}; }), "array log_assoc_ref: row 1 refers to keypoint 2");
+  refused(association([](auto& a) { a.latest = {3, 0}; }), "refers to keyframe 3, from keyframe 2");
+  refused(association([](auto& a) { a.earliest = {-7, 0}; }), "array log_assoc_ref2: row 1 refers to keyframe -7");
+  refused(association([](auto& a) { a.position.z = NAN; }), "array log_assoc_pos: row 1");
+  refused(association([](auto& a) { a.is_new = true; }), "does not refer to its own keyframe");
+  refused([](auto& k) { k.recent = {{{2, 2}, 0, 1, 1}}; }, "array log_recent_ref: row 0 refers to keypoint 2");
+  CHECK(add(association([](auto& a) { a.latest = {2, 1}, a.is_new = true; })) == "nothing thrown");
+
+  const turbomap::imu_sample still{};
+  record.add_imu(7, still);
+  CHECK_THROWS_AS(record.add_imu(6, still), std::invalid_argument);
+  CHECK_THROWS_AS(record.add_imu(8, {{0, NAN, 0}, {}}), std::invalid_argument);
+  record.add_ground_truth(7, {0, 0, 0, 1, 0, 0, 0});
+  CHECK_THROWS_AS(record.add_ground_truth(6, {0, 0, 0, 1, 0, 0, 0}), std::invalid_argument);
+  CHECK_THROWS_AS(record.add_ground_truth(8, {0, 0, 0, 0, 0, 0, 0}), std::invalid_argument);
+  CHECK_THROWS_AS(record.add_ground_truth(8, {0, 0, NAN, 1, 0, 0, 0}), std::invalid_argument);
+  CHECK(record.data().imu.size() == 1);
+  CHECK(record.data().gt_t_ns.size() == 1);
+  const turbomap_test::temporary_directory folder;
+  record.write(folder.path());
+  const auto read = turbomap::read_recording(folder.path());
+  CHECK(read.keyframe_count() == 3);
+  CHECK(read.associations(2).size() == 2);
 }
 
 TEST_CASE("the recorder refuses a keyframe whole") {
@@ -236,5 +375,28 @@ TEST_CASE("tables of times") {
   CHECK(has(error("iter,a\n1,x\n"), "line 2: 'x' is not a number"));
   CHECK(has(error("iter,a\n1\n"), "line 2: has fewer"));
   CHECK(has(error("iter,a\n1,2,3\n"), "line 2: has more"));
+  CHECK(has(error("iter,a\n1,\n"), "line 2: '' is not a number"));
+  CHECK(has(error("iter,a,a\n1,2,3\n"), "line 1: has two columns 'a'"));
   CHECK(has(error(""), "has no header"));
+  CHECK(has(bad_file_message([&] { turbomap::read_timing_table(folder.path()); }), "cannot be opened"));
+}
+
+TEST_CASE("a table of times is read in linear time") {
+  const turbomap_test::temporary_directory folder;
+  const auto seconds = [&](int lines) {
+    std::string text = "iter\n";
+    for (int i = 0; i < lines; ++i) text += "1\n";
+    turbomap_test::write_bytes(folder / "one.csv", text);
+    double best = 1e9;
+    for (int repeat = 0; repeat < 3; ++repeat) {
+      const auto begin = std::chrono::steady_clock::now();
+      CHECK(turbomap::read_timing_table(folder / "one.csv").row_count() == static_cast<std::size_t>(lines));
+      best = std::min(best, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+    }
+    return best;
+  };
+  // 16 times the lines; quadratic would be 256 times the time.
+  const double small = seconds(25000), large = seconds(400000);
+  MESSAGE("25,000 lines: " << 1e3 * small << " ms, 400,000: " << 1e3 * large << " ms");
+  CHECK(large < 80 * small);
 }

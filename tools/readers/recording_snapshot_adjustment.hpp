@@ -65,11 +65,8 @@ namespace detail {
 
 inline void read_adjusted_frames(const snapshot_source& from, const json_reader& meta, adjustment_snapshot& out) {
   const auto& lba = meta.json()["lba"];
-  const auto number = [&](const char* key) {
-    if (!lba.contains(key) || !lba[key].is_number()) meta.fail("lba", std::string("has no number '") + key + "'");
-    return lba[key].get<double>();
-  };
-  out.inertial = number("inertial") != 0, out.iterations = static_cast<std::int32_t>(number("iterations"));
+  const auto number = [&](const char* name) { return meta.member<double>("lba", lba, name); };
+  out.inertial = number("inertial") != 0, out.iterations = meta.member<std::int32_t>("lba", lba, "iterations");
   out.initial_lambda = number("user_lambda_init"), out.robust_cost_before = number("robust_chi2_before");
   out.robust_cost_after = number("robust_chi2_after");
   const double optimised = number("n_opt");

@@ -164,8 +164,10 @@ TEST_CASE("what is broken is named with its array and row") {
   CHECK(has(with<std::uint8_t>("lba_kf_fixed", [](bytes& v) { v[0] = 2; }), "array lba_kf_fixed: row 0 is 2"));
   CHECK(has(with<std::uint8_t>("lba_kf_fixed", [](bytes& v) { v.pop_back(); }), "array lba_kf_fixed: has 2 rows"));
   CHECK(has(with<pose>("lba_Tcw_before", [&](auto& v) { v[2].ty = nan; }), "array lba_Tcw_before: row 2 holds"));
-  CHECK(has(with<pose>("lba_Tcw_before", [](auto& v) { v[0].qw = 2; }), "array lba_Tcw_before: row 0 does not begin"));
-  CHECK(has(with<pose>("lba_Tcw_after", [](auto& v) { v[1].qw = 2; }), "array lba_Tcw_after: row 1 does not begin"));
+  CHECK(has(with<pose>("lba_Tcw_before", [](auto& v) { v[0].qw = 2; }),
+            "array lba_Tcw_before: row 0 has no unit quaternion"));
+  CHECK(has(with<pose>("lba_Tcw_after", [](auto& v) { v[1].qw = 2; }),
+            "array lba_Tcw_after: row 1 has no unit quaternion"));
   CHECK(has(with<pose>("lba_Tcw_after", [&](auto& v) { v[1].tz = nan; }), "array lba_Tcw_after: row 1 holds"));
   CHECK(has(with<point>("lba_pt_after", [&](auto& v) { v[1].z = nan; }), "array lba_pt_after: row 1 holds"));
   CHECK(
@@ -193,8 +195,9 @@ TEST_CASE("what is broken is named with its array and row") {
   CHECK(has(with<std::uint8_t>("lba_e_outlier", [](bytes& v) { v[0] = 2; }), "array lba_e_outlier: row 0 is 2"));
   CHECK(has(with<std::uint8_t>("lba_e_depthpos", [](bytes& v) { v[0] = 9; }), "array lba_e_depthpos: row 0 is 9"));
   CHECK(has(with_meta("\"n_opt\": 2", "\"n_opt\": 4"), "key 'lba': has an n_opt above the size of lba_kf"));
-  CHECK(has(with_meta("\"n_opt\": 2", "\"n_opt\": \"2\""), "has no number 'n_opt'"));
-  CHECK(has(with_meta("\"iterations\": 7, ", ""), "has no number 'iterations'"));
+  CHECK(has(with_meta("\"n_opt\": 2", "\"n_opt\": \"2\""), "key 'lba.n_opt': has the wrong type"));
+  CHECK(has(with_meta("\"iterations\": 7, ", ""), "key 'lba.iterations': is missing"));
+  CHECK(has(with_meta("\"iterations\": 7", "\"iterations\": 1e10"), "key 'lba.iterations': has the wrong type"));
   CHECK(has(with_meta("\"lba\"", "\"other\""), "key 'lba': is missing, but lba_kf is there"));
   const auto remove = [](const char* name) {
     return message([&](const std::filesystem::path& folder) { std::filesystem::remove(folder / name); });

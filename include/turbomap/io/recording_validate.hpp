@@ -77,16 +77,23 @@ class array_checks {
     finite(array, rows, [](std::size_t) { return true; });
   }
   /// Rotations are unit quaternions to float's precision; they are used as stored.
-  template <class Counts>
-  void rotations(const char* array, const std::vector<rigid_transform<float>>& poses, Counts counts) const {
+  template <class Pose, class Counts>
+  void rotations(const char* array, const std::vector<Pose>& poses, Counts counts) const {
     for (std::size_t i = 0; i < poses.size(); ++i) {
       const auto& q = poses[i];
       if (counts(i) && !(std::abs(q.qx * q.qx + q.qy * q.qy + q.qz * q.qz + q.qw * q.qw - 1) < 1e-3F))
-        fail_row(array, i, "does not begin with a unit quaternion");
+        fail_row(array, i, "has no unit quaternion");
     }
   }
-  void rotations(const char* array, const std::vector<rigid_transform<float>>& poses) const {
+  template <class Pose>
+  void rotations(const char* array, const std::vector<Pose>& poses) const {
     rotations(array, poses, [](std::size_t) { return true; });
+  }
+  void unit_vectors(const char* array, const std::vector<vec3<float>>& vectors) const {
+    for (std::size_t i = 0; i < vectors.size(); ++i) {
+      const auto& v = vectors[i];
+      if (!(std::abs(v.x * v.x + v.y * v.y + v.z * v.z - 1) < 1e-3F)) fail_row(array, i, "is no unit vector");
+    }
   }
 
  private:
@@ -148,59 +155,64 @@ inline void check_row_counts(const recording& r, const array_checks& check) {
   check.offsets("log_recent_off", r.recent_off, r.recent_ref.size());
 }
 
-/// A reference is a keypoint of a keyframe not later than `latest`, or {-1, -1}.
-inline void check_reference(const recording& r, const array_checks& check, const char* array, std::size_t row,
-                            keypoint_reference ref, std::size_t latest) {
+/// The keyframe with index `at` in `rows`, which is keyframe `index` of the whole recording; `all` has those before it.
+/// `rows` is `all`, or a recording of this keyframe alone.
+struct checked_keyframe {
+  const recording& all;
+  std::size_t index;
+  const recording& rows;
+  std::size_t at;
+
+  std::size_t keypoint_count(std::int32_t keyframe) const {
+    const auto i = static_cast<std::size_t>(keyframe);
+    return i == index ? rows.keypoints(at).size() : all.keypoints(i).size();
+  }
+};
+
+/// A reference is a keypoint of this or an earlier keyframe, or {-1, -1}.
+inline void check_reference(const checked_keyframe& k, const array_checks& check, const char* array, std::size_t row,
+                            keypoint_reference ref) {
   if (ref.keyframe == -1 && ref.keypoint == -1) return;
-  if (ref.keyframe < 0 || static_cast<std::size_t>(ref.keyframe) > latest)
+  if (ref.keyframe < 0 || static_cast<std::size_t>(ref.keyframe) > k.index)
     check.fail_row(array, row,
-                   "refers to keyframe " + std::to_string(ref.keyframe) + ", from keyframe " + std::to_string(latest));
-  const std::size_t count = r.keypoints(static_cast<std::size_t>(ref.keyframe)).size();
+                   "refers to keyframe " + std::to_string(ref.keyframe) + ", from keyframe " + std::to_string(k.index));
+  const std::size_t count = k.keypoint_count(ref.keyframe);
   if (ref.keypoint < 0 || static_cast<std::size_t>(ref.keypoint) >= count)
     check.fail_row(array, row,
                    "refers to keypoint " + std::to_string(ref.keypoint) + " of keyframe " +
                        std::to_string(ref.keyframe) + ", which has " + std::to_string(count));
 }
 
-inline void check_keyframe_indices(const recording& r, const array_checks& check, std::size_t i) {
-  const auto count = static_cast<std::int64_t>(r.keypoints(i).size());
-  if (r.nleft[i] < -1 || r.nleft[i] > count)
-    check.fail_row(
-        "log_nleft", i,
-        "is " + std::to_string(r.nleft[i]) + ", but the keyframe has " + std::to_string(count) + " keypoints");
-  if (r.nleft[i] >= 0 && r.meta.camera2.empty())
-    check.fail_row("log_nleft", i, "is " + std::to_string(r.nleft[i]) + ", but there is no second camera");
-  if (r.prev_kf[i] < -1 || r.prev_kf[i] >= static_cast<std::int64_t>(i))
-    check.fail_row("log_prev_kf", i, "is " + std::to_string(r.prev_kf[i]) + ", not an earlier keyframe or -1");
-  for (std::size_t k = r.keypoints(i).begin; k < r.keypoints(i).end; ++k) {
-    const std::int32_t partner = r.kp_lrmatch[k];
-    if (partner < -1 || partner >= count)
-      check.fail_row("log_kp_lrmatch", k,
-                     "is " + std::to_string(partner) + ", but keyframe " + std::to_string(i) + " has " +
-                         std::to_string(count) + " keypoints");
-  }
-  for (std::size_t a = r.associations(i).begin; a < r.associations(i).end; ++a) {
+inline void check_keyframe_indices(const checked_keyframe& k, const array_checks& check) {
+  const recording& r = k.rows;
+  const auto count = static_cast<std::int64_t>(r.keypoints(k.at).size());
+  const auto has = [&] {
+    return ", but keyframe " + std::to_string(k.index) + " has " + std::to_string(count) + " keypoints";
+  };
+  const std::int32_t nleft = r.nleft[k.at], previous = r.prev_kf[k.at];
+  if (nleft < -1 || nleft > count) check.fail_row("log_nleft", k.at, "is " + std::to_string(nleft) + has());
+  if (nleft >= 0 && k.all.meta.camera2.empty())
+    check.fail_row("log_nleft", k.at, "is " + std::to_string(nleft) + ", but there is no second camera");
+  if (previous < -1 || previous >= static_cast<std::int64_t>(k.index))
+    check.fail_row("log_prev_kf", k.at, "is " + std::to_string(previous) + ", not an earlier keyframe or -1");
+  for (std::size_t i = r.keypoints(k.at).begin; i < r.keypoints(k.at).end; ++i)
+    if (r.kp_lrmatch[i] < -1 || r.kp_lrmatch[i] >= count)
+      check.fail_row("log_kp_lrmatch", i, "is " + std::to_string(r.kp_lrmatch[i]) + has());
+  for (std::size_t a = r.associations(k.at).begin; a < r.associations(k.at).end; ++a) {
     if (r.assoc_kp[a] < 0 || r.assoc_kp[a] >= count)
-      check.fail_row("log_assoc_kp", a,
-                     "is " + std::to_string(r.assoc_kp[a]) + ", but keyframe " + std::to_string(i) + " has " +
-                         std::to_string(count) + " keypoints");
-    check_reference(r, check, "log_assoc_ref", a, r.assoc_ref[a], i);
-    check_reference(r, check, "log_assoc_ref2", a, r.assoc_ref2[a], i);
+      check.fail_row("log_assoc_kp", a, "is " + std::to_string(r.assoc_kp[a]) + has());
+    check_reference(k, check, "log_assoc_ref", a, r.assoc_ref[a]);
+    check_reference(k, check, "log_assoc_ref2", a, r.assoc_ref2[a]);
     if (r.assoc_new[a] > 1) check.fail_row("log_assoc_new", a, "is neither 0 nor 1");
-    if (r.assoc_new[a] == 1 && r.assoc_ref[a].keyframe != static_cast<std::int64_t>(i))
+    if (r.assoc_new[a] == 1 && r.assoc_ref[a].keyframe != static_cast<std::int64_t>(k.index))
       check.fail_row("log_assoc_ref", a, "of a new point does not refer to its own keyframe");
   }
-  for (std::size_t k = r.recent(i).begin; k < r.recent(i).end; ++k)
-    check_reference(r, check, "log_recent_ref", k, r.recent_ref[k], i);
+  for (std::size_t i = r.recent(k.at).begin; i < r.recent(k.at).end; ++i)
+    check_reference(k, check, "log_recent_ref", i, r.recent_ref[i]);
 }
 
-}  // namespace detail
-
-/// Checks a whole recording; throws bad_file naming `directory`'s file, array, row and rule at the first thing that is
-/// wrong. Linear in the size of the recording.
-inline void validate(const recording& r, const std::filesystem::path& directory = {}) {
-  const detail::array_checks check(directory);
-  detail::check_row_counts(r, check);
+/// Rules of arrays with any number of rows, as they hold for every row.
+inline void check_rows(const recording& r, const array_checks& check, int levels) {
   const auto tracked = [&](std::size_t i) { return r.frame_state[i] == 2; };
   visit_arrays(r, [&](const char* name, const auto& rows, recording_rows what, presence) {
     if (what == recording_rows::frames) {
@@ -213,14 +225,26 @@ inline void validate(const recording& r, const std::filesystem::path& directory 
   check.rotations("frame_Tcw", r.frame_T_cw, tracked);
   check.rotations("final_Tcw", r.final_T_cw);
   check.rotations("sim_Tcw_true", r.sim_T_cw_true);
+  check.rotations("gt_Twb", r.gt_T_wb);
+  check.unit_vectors("sim_point_normal", r.sim_point_normal);
   check.never_falls("log_t_ns", r.t_ns);
   check.never_falls("imu_t_ns", r.imu_t_ns);
   check.never_falls("gt_t_ns", r.gt_t_ns);
-  check.in_range("log_kp_octave", r.kp_octave, 0, r.meta.levels);
+  check.never_falls("frame_t_ns", r.frame_t_ns);
+  check.in_range("log_kp_octave", r.kp_octave, 0, levels);
   check.in_range("final_alive", r.final_alive, 0, 2);
-  const auto scene = static_cast<std::int64_t>(r.sim_point_xyz.size());
-  check.in_range("sim_point_id", r.sim_point_id, -1, scene);
-  for (std::size_t i = 0; i < r.keyframe_count(); ++i) detail::check_keyframe_indices(r, check, i);
+  check.in_range("sim_point_id", r.sim_point_id, -1, static_cast<std::int64_t>(r.sim_point_xyz.size()));
+}
+
+}  // namespace detail
+
+/// Checks a whole recording, meta.json apart; throws bad_file naming `directory`'s file, array, row and rule at the first
+/// thing that is wrong. Linear in the size of the recording.
+inline void validate(const recording& r, const std::filesystem::path& directory = {}) {
+  const detail::array_checks check(directory);
+  detail::check_row_counts(r, check);
+  detail::check_rows(r, check, r.meta.levels);
+  for (std::size_t i = 0; i < r.keyframe_count(); ++i) detail::check_keyframe_indices({r, i, r, i}, check);
 }
 
 TURBOMAP_END_NAMESPACE

@@ -8,8 +8,9 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <stdexcept>
 #include <string>
-#include <system_error>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -54,35 +55,40 @@ struct keyframe_record {
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Writes meta.json and every array that is not empty or must be there; makes the directory. Files of a recording that
-/// was there before and that this one does not have are removed, its snapshots and times are left alone. Validates
-/// first: throws bad_file naming the array and nothing is written; also when a file cannot be written.
+/// Writes meta.json and every array that is not empty or must be there; makes the directory. A recording that was there
+/// is replaced in one step (recording_files.hpp says how): whatever happens, a killed process included, read_recording
+/// finds the old one or the new one. Its snapshots and times are left alone. What read_recording would refuse is not
+/// written: throws bad_file naming the array or the key; also when a file cannot be written. The old recording stays then.
 inline void write_recording(const std::filesystem::path& directory, const recording& r) {
   validate(r, directory);
-  std::error_code failed;
-  std::filesystem::create_directories(directory, failed);
-  if (failed) throw bad_file("turbomap: " + directory.string() + ": cannot be made: " + failed.message());
+  const std::string meta = detail::meta_text(r.meta, directory / "meta.json");
+  detail::incoming_recording incoming(directory);
   visit_arrays(r, [&](const char* name, const auto& rows, recording_rows, presence must) {
-    const auto file = directory / (std::string(name) + ".npy");
+    const std::string file = std::string(name) + ".npy";
     if (rows.empty() && must == presence::optional) {
-      std::filesystem::remove(file, failed);
+      incoming.leave_out(file);
     } else {
-      write_npy_rows(file, rows);
+      write_npy_rows(incoming.file(file), rows);
     }
   });
-  write_recording_meta(directory / "meta.json", r.meta);
+  if (!detail::replace_text_file(incoming.file("meta.json"), meta))
+    throw bad_file("turbomap: " + (directory / "meta.json").string() + ": could not be written");
+  incoming.commit();
 }
 
 /// Collects a recording. Hand it every keyframe in the order of insertion into local mapping, then write().
 class recorder {
  public:
+  /// Throws std::invalid_argument for what could not be written as meta.json.
   explicit recorder(recording_meta meta) {
+    refuse([&] { detail::meta_text(meta, "recording_meta"); });
     recording_.meta = std::move(meta);
     recording_.kp_off = recording_.assoc_off = recording_.recent_off = {0};
   }
 
-  /// Appends a keyframe and returns its index. Throws std::invalid_argument naming what is wrong; then nothing has been
-  /// appended. References are checked in write().
+  /// Appends a keyframe and returns its index. Throws std::invalid_argument naming what is wrong: everything that write()
+  /// would refuse about this keyframe (the message names the array, the row counts within the keyframe). Nothing has been
+  /// appended then.
   std::int32_t add(const keyframe_record& k) {
     const std::size_t count = k.keypoints.size();
     require(k.descriptors.size() == count, "descriptors", k.descriptors.size(), "must be as many as keypoints");
@@ -97,24 +103,30 @@ class recorder {
       require(k.keypoints[i].camera == (i < left ? 0 : 1), "keypoint camera", int(k.keypoints[i].camera),
               "keypoints of camera 0 come before those of camera 1");
     }
-    for (const auto& a : k.associations)
-      require(a.keypoint >= 0 && static_cast<std::size_t>(a.keypoint) < count, "association keypoint", a.keypoint,
-              "must be a keypoint of the keyframe");
     const auto index = static_cast<std::int32_t>(recording_.keyframe_count());
-    recording next = tail(k, index, pair ? static_cast<std::int32_t>(left) : -1);
+    if (index > 0) require(k.t_ns >= recording_.t_ns.back(), "t_ns", k.t_ns, "must not be before the last keyframe's");
+    const recording next = single(k, index, pair ? static_cast<std::int32_t>(left) : -1);
+    refuse([&] {
+      const detail::array_checks check("keyframe " + std::to_string(index));
+      detail::check_rows(next, check, recording_.meta.levels);
+      detail::check_keyframe_indices({recording_, static_cast<std::size_t>(index), next, 0}, check);
+    });
     append(next);
     return index;
   }
 
-  /// One IMU sample; times must not fall.
+  /// One IMU sample, finite; times must not fall. Throws std::invalid_argument otherwise.
   void add_imu(std::int64_t t_ns, const imu_sample& sample) {
-    recording_.imu_t_ns.push_back(t_ns);
-    recording_.imu.push_back(sample);
+    recording next;
+    next.imu_t_ns = {t_ns}, next.imu = {sample};
+    add_timed(recording_.imu_t_ns, t_ns, "add_imu", next);
   }
-  /// One ground truth pose of the body; times must not fall.
+  /// One ground truth pose of the body, finite with a unit quaternion; times must not fall. Throws std::invalid_argument
+  /// otherwise.
   void add_ground_truth(std::int64_t t_ns, const stamped_body_pose& T_wb) {
-    recording_.gt_t_ns.push_back(t_ns);
-    recording_.gt_T_wb.push_back(T_wb);
+    recording next;
+    next.gt_t_ns = {t_ns}, next.gt_T_wb = {T_wb};
+    add_timed(recording_.gt_t_ns, t_ns, "add_ground_truth", next);
   }
 
   /// What has been collected, to add to (final poses, events, truth) or to take.
@@ -127,7 +139,23 @@ class recorder {
   }
 
  private:
-  recording tail(const keyframe_record& k, std::int32_t index, std::int32_t nleft) const {
+  /// What a reader would throw about a file is what the caller's argument is refused for.
+  template <class Check>
+  static void refuse(const Check& check) {
+    try {
+      check();
+    } catch (const bad_file& error) {
+      throw std::invalid_argument(error.what());
+    }
+  }
+  void add_timed(const std::vector<std::int64_t>& times, std::int64_t t_ns, const char* what, const recording& next) {
+    require(times.empty() || t_ns >= times.back(), "t_ns", t_ns, "must not be before the last one's");
+    refuse([&] { detail::check_rows(next, detail::array_checks(what), recording_.meta.levels); });
+    append(next);
+  }
+
+  /// A recording of this keyframe alone.
+  recording single(const keyframe_record& k, std::int32_t index, std::int32_t nleft) const {
     recording n;
     n.kf_mnid = {k.id < 0 ? index : k.id}, n.frame_id = {k.frame_id < 0 ? index : k.frame_id};
     n.prev_kf = {k.previous}, n.t_ns = {k.t_ns}, n.T_cw = {k.T_cw}, n.nleft = {nleft};
@@ -146,26 +174,28 @@ class recorder {
       n.recent_ref.push_back(p.reference), n.recent_firstkf_mnid.push_back(p.first_keyframe_id);
       n.recent_visible.push_back(p.visible), n.recent_found.push_back(p.found);
     }
-    n.kp_off = {recording_.kp_off.back() + static_cast<std::int64_t>(n.kp_xy.size())};
-    n.assoc_off = {recording_.assoc_off.back() + static_cast<std::int64_t>(n.assoc_kp.size())};
-    n.recent_off = {recording_.recent_off.back() + static_cast<std::int64_t>(n.recent_ref.size())};
+    n.kp_off = {0, static_cast<std::int64_t>(n.kp_xy.size())};
+    n.assoc_off = {0, static_cast<std::int64_t>(n.assoc_kp.size())};
+    n.recent_off = {0, static_cast<std::int64_t>(n.recent_ref.size())};
     if (recording_.meta.sensor == "inertial")
       n.velocity = {k.velocity}, n.bias = {k.bias}, n.bimu = {k.imu_initialized};
     return n;
   }
 
   /// Appends every array of `more`: first room for all of them, so that running out of memory changes nothing.
-  void append(recording& more) {
+  void append(const recording& more) {
     std::vector<const void*> sources;
-    visit_arrays(more, [&](const char*, auto& rows, recording_rows, presence) { sources.push_back(&rows); });
+    visit_arrays(more, [&](const char*, const auto& rows, recording_rows, presence) { sources.push_back(&rows); });
     for (const bool room_only : {true, false}) {
       std::size_t at = 0;
-      visit_arrays(recording_, [&](const char*, auto& rows, recording_rows, presence) {
+      visit_arrays(recording_, [&](const char*, auto& rows, recording_rows what, presence) {
         const auto& source = *static_cast<const std::remove_reference_t<decltype(rows)>*>(sources[at++]);
         if (room_only) {
           if (rows.capacity() < rows.size() + source.size()) rows.reserve(2 * rows.size() + source.size());
-        } else {
+        } else if (what != recording_rows::keyframe_offsets) {
           rows.insert(rows.end(), source.begin(), source.end());
+        } else if constexpr (std::is_same_v<decltype(rows), std::vector<std::int64_t>&>) {
+          if (!source.empty()) rows.push_back(rows.back() + source.back());
         }
       });
     }
