@@ -4,6 +4,7 @@
 /// \file
 /// turbomap-replay: replays a recording of local mapping, or checks every stage against it. See docs/programs.md.
 
+#include <algorithm>
 #include <cstdio>
 #include <fstream>
 #include <set>
@@ -25,6 +26,19 @@ outcome run(const arguments& a) {
   if (a.policy == "cuda") return turbomap_replay::run_cuda(a);
 #endif
   return turbomap_replay::run_host(a);
+}
+
+/// The host policies that this program was built with, without `first`.
+std::vector<std::string> other_policies(const std::string& first) {
+  std::vector<std::string> others{"seq"};
+#if defined(TURBOMAP_WITH_OPENMP)
+  others.push_back("omp");
+#endif
+#if defined(TURBOMAP_WITH_TBB)
+  others.push_back("tbb");
+#endif
+  others.erase(std::remove(others.begin(), others.end(), first), others.end());
+  return others;
 }
 
 /// The same replay under more policies; prints the times of all and adds the others' to the JSON.
@@ -83,9 +97,10 @@ int main(int argc, char** argv) try {
   app.add_option("recording", a.recording, "folder of the recording; the built-in simulated one when not given");
   app.add_option("--policy", a.policy, "execution policy")->check(CLI::IsMember({"seq", "omp", "tbb", "cuda"}));
   app.add_option("--beside", a.beside,
-                 "replay under these policies too (separated by commas), and print the times side by side")
+                 "replay under these policies too (separated by commas; all: those of this processor), and print the "
+                 "times side by side")
       ->delimiter(',')
-      ->check(CLI::IsMember({"seq", "omp", "tbb", "cuda"}));
+      ->check(CLI::IsMember({"seq", "omp", "tbb", "cuda", "all"}));
   app.add_flag("--check", a.check, "compare every stage with the recorded snapshots; exit status 1 when one differs");
   app.add_option(
       "--stages", stages,
@@ -116,6 +131,7 @@ int main(int argc, char** argv) try {
   if (!stages.empty()) choose_stages(stages, a);
   if (a.recording.empty()) a.recording = demo_recording(argv[0]);
 
+  if (a.beside == std::vector<std::string>{"all"}) a.beside = other_policies(a.policy);
   if (a.check && !a.beside.empty()) throw std::invalid_argument("--beside: not together with --check");
 
   outcome result = run(a);

@@ -1,0 +1,31 @@
+#!/usr/bin/env bash
+# SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+# SPDX-License-Identifier: Apache-2.0
+
+# usage: demo.sh TURBOMAP-REPLAY RECORDING POLICY
+# Replays the demo's recording: the JSON has the keys of the trajectory errors, and the map is worth showing. It is better than
+# the poses that came in, and not far from the best that the observations allow.
+set -eu -o pipefail
+most=${DEMO_TIMES_BOUND:-3}  # the error of the map, times that of the batch adjustment
+
+json=$(mktemp)
+trap 'rm -f "$json"' EXIT
+"$1" "$2" --policy "$3" --json "$json"
+awk -F '[:,]' -v most="$most" '
+  /^  "(ate_[a-z]*_*rmse_m|observations_per_point|map_faults)"/ {
+    gsub(/[ "]/, "", $1)
+    value[$1] = $2 + 0
+  }
+  function fail(why) { print "demo.sh: " why > "/dev/stderr"; failed = 1 }
+  END {
+    for (i = split("ate_rmse_m ate_input_rmse_m ate_batch_rmse_m observations_per_point map_faults", keys, " "); i > 0; --i)
+      if (!(keys[i] in value)) fail("the JSON has no " keys[i])
+    if (failed) exit 1
+    ate = value["ate_rmse_m"]
+    if (!(value["ate_batch_rmse_m"] > 0)) fail("the bound is " value["ate_batch_rmse_m"])
+    if (!(ate < value["ate_input_rmse_m"])) fail("ATE " ate ": not better than the poses that came in")
+    if (!(ate <= most * value["ate_batch_rmse_m"])) fail("ATE " ate ": more than " most " times the bound")
+    if (!(value["observations_per_point"] >= 2)) fail("observations per point: " value["observations_per_point"])
+    if (value["map_faults"] != 0) fail("the map has faults")
+    exit failed
+  }' "$json"
