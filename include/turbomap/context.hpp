@@ -116,8 +116,8 @@ class context {
 
   /// `n` elements of a result for the host to read after synchronize(): where they are if the host can read them there, else
   /// copied into `buffer`.
-  template <class T>
-  const T* on_host(const T* resident, std::size_t n, std::vector<T>& buffer) {
+  template <class T, class List>
+  const T* on_host(const T* resident, std::size_t n, List& buffer) {
     if constexpr (is_host_accessible_v<memory_type>) return resident;
     buffer.resize(n);
     copy_out(policy_, buffer.data(), resident, n * sizeof(T));

@@ -13,7 +13,6 @@
 #include <limits>
 #include <type_traits>
 #include <utility>
-#include <vector>
 
 #include "config.hpp"
 #include "context.hpp"
@@ -29,6 +28,7 @@
 #include "mapping/point_culling.hpp"
 #include "mapping/stage.hpp"
 #include "mapping/time_budget.hpp"
+#include "plain_vector.hpp"
 
 namespace turbomap {
 
@@ -240,7 +240,7 @@ class local_mapper {
   }
 
   void fuse(keyframe current, const scope& s) {
-    std::vector<keyframe>& targets = keyframes_;
+    list_of<keyframe>& targets = keyframes_;
     {
       const auto guard = s.guard();
       const auto in_store = [this](keyframe k) { return stored_.contains(traits::id(map_, k)); };
@@ -321,8 +321,8 @@ class local_mapper {
   mapping_report report_;
   bool cut_ = false;
   bool stopped_ = false;
-  std::vector<keyframe> keyframes_;
-  std::vector<point> points_;
+  list_of<keyframe> keyframes_;
+  list_of<point> points_;
 };
 
 TURBOMAP_END_NAMESPACE

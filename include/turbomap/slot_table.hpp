@@ -9,7 +9,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <vector>
+
+#include "plain_vector.hpp"
 
 namespace turbomap {
 
@@ -66,8 +67,8 @@ class slot_table {
   };
   std::uint32_t last_generation_;
   std::size_t alive_ = 0;
-  std::vector<entry> slots_;
-  std::vector<std::uint32_t> free_;
+  plain_vector<entry> slots_;
+  plain_vector<std::uint32_t> free_;
 };
 
 }  // namespace turbomap

@@ -18,15 +18,16 @@
 namespace turbomap_test {
 
 /// Not ==, to which zeros of both signs are equal and NaN is not itself.
-/// \tparam T  plain, without padding
-template <class T>
-bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
+/// \tparam List  a list of plain data without padding
+template <class List, class T = typename List::value_type>
+bool same_bits(const List& a, const List& b) {
   static_assert(std::is_trivially_copyable_v<T>);
   return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0);
 }
 inline bool same_bits(const turbomap::adjustment_summary& a, const turbomap::adjustment_summary& b) {
   static_assert(sizeof(turbomap::adjustment_iteration) == 2 * sizeof(double) + 2 * sizeof(int));
-  return same_bits(std::vector<double>{a.cost_initial, a.cost_final}, {b.cost_initial, b.cost_final}) &&
+  return same_bits(std::vector<double>{a.cost_initial, a.cost_final},
+                   std::vector<double>{b.cost_initial, b.cost_final}) &&
          a.iterations == b.iterations && a.accepted == b.accepted && a.undefined == b.undefined && a.end == b.end &&
          same_bits(a.each, b.each);
 }

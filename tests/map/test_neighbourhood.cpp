@@ -75,7 +75,7 @@ struct world {
   void erase(oracle_id keyframe_id) {
     turbomap::erase_keyframe(map, k[keyframe_id], 0), oracle.erase_keyframe(keyframe_id, 0);
   }
-  ids named(const std::vector<keyframe>& list) const {
+  ids named(turbomap::span<const keyframe> list) const {
     ids all;
     for (const auto one : list) all.push_back(traits::id(map, one));
     return all;

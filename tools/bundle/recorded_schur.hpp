@@ -69,7 +69,7 @@ class recorded_schur {
     for (std::size_t i = 0; i < xp.size(); ++i) step[at(ours_[i])] = xp[i];
     const std::vector<double> zeros(at(landmarks_) * turbomap::landmark_stride, 0.0);
     turbomap::resident_copy<double, memory> x(ctx_.resource()), zero(ctx_.resource());
-    x.send(ctx_.policy(), step), zero.send(ctx_.policy(), zeros);
+    x.send(ctx_.policy(), step.data(), step.size()), zero.send(ctx_.policy(), zeros.data(), zeros.size());
     turbomap::array<double, memory> to(ctx_.resource()), gain(ctx_.resource());
     to.resize_discard(zeros.size());
     gain.resize_discard(at(turbomap::landmark_gain_count(landmarks_)));

@@ -13,6 +13,8 @@
 #include <vector>
 
 #include "../config.hpp"
+#include "../plain_vector.hpp"
+#include "../span.hpp"
 #include "options.hpp"
 #include "small_cholesky.hpp"
 
@@ -26,7 +28,7 @@ class block_cholesky {
 
   /// Orders the rows and finds the blocks of the factor. Block k of the matrix couples row[k] < column[k]; all diagonal
   /// blocks are there. O(n^2 + blocks of the factor times their rows).
-  void analyse(int n, const std::vector<std::int32_t>& row, const std::vector<std::int32_t>& column) {
+  void analyse(int n, span<const std::int32_t> row, span<const std::int32_t> column) {
     n_ = n;
     auto& neighbours = neighbours_;
     auto& merged = merged_;
@@ -45,14 +47,14 @@ class block_cholesky {
         if (place_[at(i)] < 0 && (best < 0 || neighbours[at(i)].size() < neighbours[at(best)].size())) best = i;
       place_[at(best)] = k, order_.push_back(best);
       auto& clique = neighbours[at(best)];
-      rows_.insert(rows_.end(), clique.begin(), clique.end());
+      rows_.append(clique.data(), clique.size());
       begin_.push_back(rows_.size());
       for (const auto i : clique) {
         auto& mine = neighbours[at(i)];
         merged.clear();
         std::set_union(mine.begin(), mine.end(), clique.begin(), clique.end(), std::back_inserter(merged));
-        merged.erase(std::remove_if(merged.begin(), merged.end(), [&](auto j) { return j == i || j == best; }),
-                     merged.end());
+        auto* const kept = std::remove_if(merged.begin(), merged.end(), [&](auto j) { return j == i || j == best; });
+        merged.resize(static_cast<std::size_t>(kept - merged.begin()));
         mine = merged;
       }
       clique.clear();
@@ -155,12 +157,12 @@ class block_cholesky {
   }
 
   int n_ = 0;
-  std::vector<std::vector<std::int32_t>> neighbours_;  ///< of analyse(), kept for its memory
-  std::vector<std::int32_t> merged_;
-  std::vector<std::int32_t> place_, order_, rows_;  ///< place of a row in the order; rows of each column, by place
-  std::vector<std::size_t> begin_, source_, position_;
-  std::vector<char> transposed_;
-  std::vector<double> diagonal_, lower_, original_, solution_;
+  std::vector<plain_vector<std::int32_t>> neighbours_;  ///< of analyse(), kept for its memory
+  plain_vector<std::int32_t> merged_;
+  plain_vector<std::int32_t> place_, order_, rows_;  ///< place of a row in the order; rows of each column, by place
+  plain_vector<std::size_t> begin_, source_, position_;
+  plain_vector<char> transposed_;
+  plain_vector<double> diagonal_, lower_, original_, solution_;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -9,9 +9,9 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "../config.hpp"
+#include "../plain_vector.hpp"
 #include "structure.hpp"
 
 namespace turbomap {
@@ -20,8 +20,8 @@ namespace turbomap {
 class bin_lister {
  public:
   /// \param begin  [bin + 1] into list
-  void operator()(const std::vector<std::int32_t>& bin, int bins, std::vector<std::int32_t>& begin,
-                  std::vector<std::int32_t>& list) {
+  void operator()(const plain_vector<std::int32_t>& bin, int bins, plain_vector<std::int32_t>& begin,
+                  plain_vector<std::int32_t>& list) {
     begin.assign(at(bins) + 1, 0);
     for (const auto b : bin)
       if (b >= 0) ++begin[at(b) + 1];
@@ -35,7 +35,7 @@ class bin_lister {
  private:
   static std::size_t at(std::int32_t i) { return static_cast<std::size_t>(i); }
 
-  std::vector<std::int32_t> next_;
+  plain_vector<std::int32_t> next_;
 };
 
 /// Keep one and use it again: it owns the memory that it works in.
@@ -108,8 +108,8 @@ class block_finder {
     }
   }
 
-  std::vector<std::int32_t> columns_, shared_, joined_, next_, next_factor_;
-  std::vector<std::int32_t> factor_row_, factor_column_, factor_code_, factor_begin_, factor_order_;
+  plain_vector<std::int32_t> columns_, shared_, joined_, next_, next_factor_;
+  plain_vector<std::int32_t> factor_row_, factor_column_, factor_code_, factor_begin_, factor_order_;
   bin_lister list_by_bin_;
 };
 

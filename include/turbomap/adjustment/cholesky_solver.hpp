@@ -7,11 +7,11 @@
 /// windows) or block by block (long trajectories).
 
 #include <cstddef>
-#include <vector>
 
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../parallel.hpp"
+#include "../plain_vector.hpp"
 #include "block_cholesky.hpp"
 #include "dense_cholesky.hpp"
 #include "reduced_system.hpp"
@@ -26,7 +26,7 @@ struct solver_workspace {
   dense_cholesky dense;
   block_cholesky<D> sparse;
   bool analysed = false;  ///< `sparse` has the structure of the problem
-  std::vector<double> matrix, x, sums;
+  plain_vector<double> matrix, x, sums;
 };
 
 /// Steps of the free frames.

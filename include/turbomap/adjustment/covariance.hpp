@@ -10,11 +10,11 @@
 #include <cstdint>
 #include <type_traits>
 #include <utility>
-#include <vector>
 
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
+#include "../plain_vector.hpp"
 #include "cholesky_solver.hpp"
 #include "eliminate_landmarks.hpp"
 #include "normal_equations.hpp"
@@ -26,14 +26,14 @@ TURBOMAP_BEGIN_NAMESPACE
 namespace detail {
 
 /// The columns of the inverse of a factorised reduced system that some frames ask for. False: singular.
-template <int D, class Policy, class Solver>
+template <int D, class Policy, class Solver, class List>
 bool invert_columns(context<Policy>& ctx, Solver solver, const adjustment_structure& structure,
-                    span<const std::int32_t> frames, double tolerance, std::vector<double>& result) {
+                    span<const std::int32_t> frames, double tolerance, List& result) {
   if (!solver.factorise(ctx, damping{0}, tolerance)) return false;
   const auto free_of = [&](std::size_t i) { return structure.free_of_frame[static_cast<std::size_t>(frames[i])]; };
   const std::size_t n = frames.size() * D;
   result.assign(n * n, 0);
-  std::vector<double> x(solver.unknowns());
+  plain_vector<double> x(solver.unknowns());
   for (std::size_t c = 0; c < n; ++c) {
     if (free_of(c / D) < 0) continue;
     std::fill(x.begin(), x.end(), 0.0);
@@ -58,9 +58,9 @@ bool invert_columns(context<Policy>& ctx, Solver solver, const adjustment_struct
 ///         are not finite), and `result` is as it was
 /// \throws std::invalid_argument  a frame that is not there, or a tolerance that is not in [0, 1)
 /// O(linearisation + factorisation + dof frames unknowns^2); float64. [Triggs et al. 2000, 9.5]
-template <class Policy, class Frame, class... Groups>
+template <class Policy, class Frame, class... Groups, class List>
 bool frame_covariance(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Policy>, Frame, Groups...>& problem,
-                      span<const std::int32_t> frames, std::vector<double>& result, double tolerance = 1e-11) {
+                      span<const std::int32_t> frames, List& result, double tolerance = 1e-11) {
   for (std::size_t i = 0; i < frames.size(); ++i)
     require(frames[i] >= 0 && frames[i] < problem.frame_count(), "frames[i]", frames[i], "is not a frame");
   require(tolerance >= 0 && tolerance < 1, "tolerance", tolerance, "must be in [0, 1)");

@@ -8,11 +8,11 @@
 
 #include <cmath>
 #include <cstddef>
-#include <vector>
 
 #include "../config.hpp"
 #include "../math/functions.hpp"
 #include "../math/pack.hpp"
+#include "../plain_vector.hpp"
 #include "options.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -131,7 +131,7 @@ class dense_cholesky {
   }
 
   int n_ = 0;
-  std::vector<double> diagonal_, reciprocal_;
+  plain_vector<double> diagonal_, reciprocal_;
 };
 
 TURBOMAP_END_NAMESPACE

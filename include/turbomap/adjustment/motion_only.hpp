@@ -7,7 +7,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "../camera/rig.hpp"
 #include "../config.hpp"
@@ -48,12 +47,14 @@ class motion_only {
   /// outliers are told anew [ORB-SLAM3]. Frames are independent: an index of the policy is a frame.
   /// \param result   [frame]   \param outlier  [observation] 1 where it does not fit the final pose
   /// \throws std::invalid_argument  a size, an index or an option is wrong
+  template <class Frames, class Flags>
   void operator()(context<Policy>& ctx, const motion_only_input<Camera>& in, const motion_only_options& options,
-                  std::vector<posed_frame>& result, std::vector<std::uint8_t>& outlier) {
+                  Frames& result, Flags& outlier) {
     check(in, options);
     const std::size_t frames = in.T_cw.size(), n = in.point.size();
     cameras_.host().clear();
-    for (int c = 0; c < in.rig.count; ++c) cameras_.host().emplace_back(in.rig[c], options.stereo_correlation);
+    for (int c = 0; c < in.rig.count; ++c)
+      cameras_.host().push_back(adjustment_camera<Camera>(in.rig[c], options.stereo_correlation));
     ctx.synchronize();
     ctx.begin_call();
     const Policy& policy = ctx.policy();

@@ -7,9 +7,9 @@
 
 #include <atomic>
 #include <cstdint>
-#include <vector>
 
 #include "../config.hpp"
+#include "../plain_vector.hpp"
 
 namespace turbomap {
 
@@ -87,7 +87,7 @@ struct adjustment_summary {
   int accepted = 0;    ///< iterations that changed the state; 0: it is unchanged to the last bit
   int undefined = 0;   ///< observations whose camera could not project their landmark at the end
   adjustment_end end = adjustment_end::max_iterations;
-  std::vector<adjustment_iteration> each;
+  plain_vector<adjustment_iteration> each;
 };
 
 /// The words of an adjustment_end, e.g. for a log.

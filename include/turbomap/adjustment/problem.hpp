@@ -10,11 +10,11 @@
 #include <cstdint>
 #include <tuple>
 #include <type_traits>
-#include <vector>
 
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
+#include "../plain_vector.hpp"
 #include "factors.hpp"
 #include "frames.hpp"
 #include "move_frames.hpp"
@@ -76,15 +76,16 @@ class basic_bundle_problem {
 
   /// The current estimate of the frames, in the order of the input: to the bit what was given where adjust() accepted no
   /// step.
-  template <class Policy>
-  void frames(context<Policy>& ctx, std::vector<state>& result) const {
+  /// \param result  a std::vector or another list of states
+  template <class Policy, class List>
+  void frames(context<Policy>& ctx, List& result) const {
     result.resize(static_cast<std::size_t>(frame_count()));
     copy_out(ctx.policy(), result.data(), data_.estimate.states(), result.size() * sizeof(state));
     ctx.synchronize();
   }
   /// The current estimate of the landmarks.
-  template <class Policy>
-  void landmarks(context<Policy>& ctx, std::vector<vec3<double>>& result) const {
+  template <class Policy, class List>
+  void landmarks(context<Policy>& ctx, List& result) const {
     staging_.resize(static_cast<std::size_t>(landmark_count()) * landmark_stride);
     copy_out(ctx.policy(), staging_.data(), data_.estimate.landmarks(), staging_.size() * sizeof(double));
     ctx.synchronize();
@@ -98,8 +99,8 @@ class basic_bundle_problem {
   /// chi2 (not robust) and depth (m, in its own camera) of every observation of a group of factors with landmarks, in the
   /// order of its input, at the current estimate: what outliers are told by. Not defined: undefined_chi2, and a depth as it
   /// is (0 for the user's own factors).
-  template <std::size_t Group, class Policy>
-  void chi2(context<Policy>& ctx, std::vector<double>& chi2, std::vector<double>& depth) {
+  template <std::size_t Group, class Policy, class List>
+  void chi2(context<Policy>& ctx, List& chi2, List& depth) {
     const auto& group = std::get<Group>(data_.groups);
     static_assert(std::decay_t<decltype(group)>::with_landmarks);
     chi2.clear(), depth.clear();
@@ -177,7 +178,7 @@ class basic_bundle_problem {
   data_type data_;
   structure_builder builder_;
   structure_inputs inputs_;
-  mutable std::vector<double> staging_;
+  mutable plain_vector<double> staging_;
 };
 
 /// A problem that is computed under a policy. Problems of all host policies are one type.

@@ -7,10 +7,10 @@
 /// A specialisation per kind of group: resident_reprojections.hpp, resident_factors.hpp.
 
 #include <cstdint>
-#include <vector>
 
 #include "../config.hpp"
 #include "../error.hpp"
+#include "../plain_vector.hpp"
 #include "../span.hpp"
 #include "factor_sums.hpp"
 #include "structure.hpp"
@@ -32,8 +32,8 @@ class resident_group;
 
 /// What the structure needs to know of all groups, in their order.
 struct structure_inputs {
-  std::vector<landmark_group_input> landmark_groups;
-  std::vector<frame_group_input> frame_groups;
+  plain_vector<landmark_group_input> landmark_groups;
+  plain_vector<frame_group_input> frame_groups;
 };
 
 /// The part of a group_structure that groups with landmarks read where the policy computes.

@@ -7,10 +7,10 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "../config.hpp"
 #include "../error.hpp"
+#include "../plain_vector.hpp"
 #include "adjustment_camera.hpp"
 #include "factors.hpp"
 #include "linearise_reprojections.hpp"
@@ -75,7 +75,8 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
     size_ = g.frame.size();
     mono_ = g.mono_kernel, stereo_ = g.stereo_kernel, undefined_chi2_ = g.undefined_chi2;
     cameras_.host().clear();
-    for (int c = 0; c < g.rig.count; ++c) cameras_.host().emplace_back(g.rig[c], g.stereo_correlation);
+    for (int c = 0; c < g.rig.count; ++c)
+      cameras_.host().push_back(adjustment_camera<Camera>(g.rig[c], g.stereo_correlation));
     for (auto* a : {&u_, &v_, &u_right_, &information_}) a->host().resize(s.source.size());
     for (const auto& c : s.chunks)
       for (int i = c.begin;
@@ -118,7 +119,7 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
   uploaded<adjustment_camera<Camera>, Memory> cameras_;
   resident_entries<Memory> entries_;
   uploaded<double, Memory> u_, v_, u_right_, information_;
-  std::vector<std::uint8_t> kind_;
+  plain_vector<std::uint8_t> kind_;
   Kernel mono_{}, stereo_{};
   double undefined_chi2_ = 0;
   std::size_t size_ = 0;

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "../config.hpp"
+#include "../plain_vector.hpp"
 
 namespace turbomap {
 
@@ -47,12 +48,12 @@ inline constexpr int observation_padding = 8;  ///< entries a frame's observatio
 
 /// Observations of one group in the order they are computed in: by frame, kind, landmark.
 struct group_structure {
-  std::vector<observation_chunk> chunks;
-  std::vector<std::int32_t> source;    ///< [entry] row of the caller; padding repeats the last one
-  std::vector<std::int32_t> landmark;  ///< [entry]
-  std::vector<std::int32_t> row;       ///< [entry] place in the order by landmark
+  plain_vector<observation_chunk> chunks;
+  plain_vector<std::int32_t> source;    ///< [entry] row of the caller; padding repeats the last one
+  plain_vector<std::int32_t> landmark;  ///< [entry]
+  plain_vector<std::int32_t> row;       ///< [entry] place in the order by landmark
   /// [entry] place among the couplings of free frames with landmarks; -1: fixed frame
-  std::vector<std::int32_t> coupling;
+  plain_vector<std::int32_t> coupling;
 };
 
 /// The lists that all solvers follow. `x_y` of size [x + 1] says where the y of each x begin.
@@ -105,7 +106,7 @@ void for_each_block_list(A& a, B& b, Function f) {
 }
 
 template <class T>
-using list_on_host = std::vector<T>;
+using list_on_host = plain_vector<T>;
 template <class T>
 using list_pointer = const T*;
 
@@ -115,9 +116,9 @@ struct adjustment_structure : sum_lists<list_on_host>, block_lists<list_on_host>
   int partials = 0;         ///< chunks of all groups, in order: each gives one partial sum
   int frame_factors = 0;    ///< factors of one frame and between two
   int factor_partials = 0;  ///< partial sums that they give: one per frame
-  std::vector<std::int32_t> frame_of_free;
+  plain_vector<std::int32_t> frame_of_free;
   std::vector<group_structure> groups;  ///< of the groups with landmarks
-  std::vector<free_pair> frame_pairs;   ///< [factor between two frames]
+  plain_vector<free_pair> frame_pairs;  ///< [factor between two frames]
 
   std::size_t rows() const { return landmark_row.empty() ? 0 : static_cast<std::size_t>(landmark_row.back()); }
   std::size_t couplings() const { return slot_coupling.empty() ? 0 : static_cast<std::size_t>(slot_coupling.back()); }

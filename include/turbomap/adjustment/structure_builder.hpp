@@ -9,9 +9,9 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "../config.hpp"
+#include "../plain_vector.hpp"
 #include "../span.hpp"
 #include "block_finder.hpp"
 #include "structure.hpp"
@@ -200,11 +200,11 @@ class structure_builder {
     for (const auto i : neighbour_order_) s.neighbours.push_back(neighbour_[at(i)]);
   }
 
-  using indices = std::vector<std::int32_t>;
+  using indices = plain_vector<std::int32_t>;
 
   indices key_, all_frame_, all_landmark_, order_, other_, counts_, first_of_group_, coupling_of_row_;
   indices frame_of_key_, frame_of_partial_, frame_of_factor_, frame_of_neighbour_, neighbour_order_;
-  std::vector<frame_neighbour> neighbour_;
+  plain_vector<frame_neighbour> neighbour_;
   bin_lister list_by_bin_;
 };
 

@@ -7,11 +7,11 @@
 /// the two is decided by overloads and specialisations on the memory that the policy computes in.
 
 #include <cstddef>
-#include <vector>
 
 #include "../array.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../plain_vector.hpp"
 #include "../span.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -29,7 +29,7 @@ class resident_copy {
     copy_in(policy, copy_.data(), from, n * sizeof(T));
   }
   template <class Policy>
-  void send(const Policy& policy, const std::vector<T>& from) {
+  void send(const Policy& policy, const plain_vector<T>& from) {
     send(policy, from.data(), from.size());
   }
 
@@ -51,7 +51,7 @@ class resident_copy<T, host_memory> {
     data_ = from;
   }
   template <class Policy>
-  void send(const Policy&, const std::vector<T>& from) {
+  void send(const Policy&, const plain_vector<T>& from) {
     data_ = from.data();
   }
   const T* data() const { return data_; }
@@ -66,8 +66,8 @@ class uploaded {
  public:
   explicit uploaded(std::pmr::memory_resource* resource) : resident_(resource) {}
 
-  std::vector<T>& host() { return host_; }
-  const std::vector<T>& host() const { return host_; }
+  plain_vector<T>& host() { return host_; }
+  const plain_vector<T>& host() const { return host_; }
 
   template <class Policy>
   void send(const Policy& policy) {
@@ -76,7 +76,7 @@ class uploaded {
   const T* data() const { return resident_.data(); }
 
  private:
-  std::vector<T> host_;
+  plain_vector<T> host_;
   resident_copy<T, Memory> resident_;
 };
 
@@ -96,8 +96,8 @@ const T* resident(Memory, context<Policy>& ctx, span<const T> view) {
 }  // namespace detail
 
 /// `n` elements of the policy's memory for the host to read and write: in place, or copied into `buffer`. Waits.
-template <class T, class Policy>
-T* on_host(context<Policy>& ctx, T* data, std::size_t n, std::vector<T>& buffer) {
+template <class T, class Policy, class List>
+T* on_host(context<Policy>& ctx, T* data, std::size_t n, List& buffer) {
   T* host = const_cast<T*>(ctx.on_host(data, n, buffer));  // data itself, or in the buffer
   ctx.synchronize();
   return host;

@@ -7,7 +7,6 @@
 
 #include <cstddef>
 #include <memory_resource>
-#include <vector>
 
 #include "../array.hpp"
 #include "../config.hpp"
@@ -47,7 +46,8 @@ class appearances {
   /// The points in the order of the call, on the host, equal to the last bit on every policy. Waits. O(points).
   /// \param descriptors  overwritten by [point][element], 0 for a point without observations; empty when the call did
   ///                     not ask for descriptors
-  void plan(context<Policy>& ctx, std::vector<point_appearance>& points, std::vector<element>& descriptors) const {
+  template <class Points, class Elements>
+  void plan(context<Policy>& ctx, Points& points, Elements& descriptors) const {
     points.resize(buffers_.points.size());
     descriptors.resize(buffers_.descriptors.size());
     copy_out(ctx.policy(), points.data(), buffers_.points.data(), points.size() * sizeof(point_appearance));

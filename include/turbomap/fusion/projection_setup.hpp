@@ -13,6 +13,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../math/scale_table.hpp"
+#include "../plain_vector.hpp"
 #include "projection_check.hpp"
 #include "projections.hpp"
 
@@ -76,7 +77,7 @@ struct projection_inputs : packed_inputs {
   }
   /// Writes the targets, and lists their cameras. \param claims  on the keypoints of all targets, or null
   void fill_targets(const upload_block& block, span<const target_type> targets, int point_count, std::uint64_t* claims,
-                    std::vector<projection_request>& list) const {
+                    plain_vector<projection_request>& list) const {
     std::size_t sent = 0;
     const auto send = [&](span<const std::uint8_t> source) {
       if (source.empty() || !Copies) return source.empty() ? nullptr : source.data();

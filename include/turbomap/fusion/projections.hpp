@@ -13,6 +13,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
+#include "../plain_vector.hpp"
 #include "projection_view.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -35,7 +36,7 @@ struct projection_buffers {
   array<projection_hit<distance_type>, Memory> hits;      ///< [request][point]
   array<projection_trial<distance_type>, Memory> trials;  ///< [request][point], with options.keep_trials
   array<std::uint64_t, Memory> claims;                    ///< on the keypoints of all targets, with options.one_to_one
-  std::vector<projection_request> requests;  ///< cameras of all targets; pointers are of the policy's memory
+  plain_vector<projection_request> requests;  ///< cameras of all targets; pointers are of the policy's memory
   int point_count = 0;
   bool has_trials = false;
 };
@@ -65,7 +66,8 @@ class projections {
     return result;
   }
   /// The same into a vector that is reused.
-  void plan(context<Policy>& ctx, plan_type& result) const {
+  template <class List>
+  void plan(context<Policy>& ctx, List& result) const {
     const projection_hit<distance_type>* hit = ctx.on_host(buffers_.hits.data(), size(), host_hits_);
     ctx.synchronize();
     result.clear();
@@ -91,8 +93,8 @@ class projections {
   std::size_t size() const { return buffers_.requests.size() * static_cast<std::size_t>(buffers_.point_count); }
 
   projection_buffers<Descriptor, memory_type> buffers_;
-  mutable std::vector<projection_hit<distance_type>> host_hits_;
-  mutable std::vector<projection_trial<distance_type>> host_trials_;
+  mutable plain_vector<projection_hit<distance_type>> host_hits_;
+  mutable plain_vector<projection_trial<distance_type>> host_trials_;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -8,9 +8,9 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "../config.hpp"
+#include "../plain_vector.hpp"
 #include "map_traits.hpp"
 #include "numbering.hpp"
 
@@ -52,8 +52,8 @@ class covisibility {
   /// \param accept  accept(keyframe): only these are looked at, as if the others shared nothing
   /// O(observations of its points + k log k). The caller holds the guard.
   template <class Accept = every_keyframe>
-  const std::vector<covisible<keyframe>>& operator()(const Map& map, keyframe query, int min_shared,
-                                                     std::size_t limit = no_limit, Accept accept = {}) {
+  const list_of<covisible<keyframe>>& operator()(const Map& map, keyframe query, int min_shared,
+                                                 std::size_t limit = no_limit, Accept accept = {}) {
     count(map, query);
     result_.clear();
     covisible<keyframe> best{};
@@ -99,10 +99,10 @@ class covisibility {
 
   keyframe_numbering<Map> observer_numbers_;
   point_numbering<Map> counted_;
-  std::vector<keyframe> observers_;
-  std::vector<int> shared_;
-  std::vector<std::size_t> last_point_;
-  std::vector<covisible<keyframe>> result_;
+  list_of<keyframe> observers_;
+  plain_vector<int> shared_;
+  plain_vector<std::size_t> last_point_;
+  list_of<covisible<keyframe>> result_;
 };
 
 TURBOMAP_END_NAMESPACE

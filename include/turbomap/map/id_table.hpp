@@ -8,7 +8,8 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
+
+#include "../plain_vector.hpp"
 
 namespace turbomap {
 
@@ -55,13 +56,13 @@ class id_table {
     return at;
   }
   void grow() {
-    std::vector<cell> old(cells_.empty() ? 64 : 2 * cells_.size());
+    plain_vector<cell> old(cells_.empty() ? 64 : 2 * cells_.size());
     old.swap(cells_);
     for (const cell& c : old)
       if (c.epoch == epoch_) cells_[find_cell(c.id)] = c;
   }
 
-  std::vector<cell> cells_;
+  plain_vector<cell> cells_;
   std::size_t size_ = 0;
   std::uint32_t epoch_ = 1;
 };

@@ -12,8 +12,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 #include <utility>
-#include <vector>
 
 #include "../config.hpp"
 #include "../math/strict.hpp"
@@ -185,10 +185,9 @@ bool seen_apart(const Map& map, typename map_traits<Map>::point a, typename map_
 /// `from` becomes `into`: its observations move over, it is retired with `into` as its replacement. False, and nothing is
 /// changed, when the rule refuses; under merge_rule::refuse no observation is ever lost. `scratch` is reused memory; it grows,
 /// and room for the observations is made (reserve_observations of the traits), before anything is changed.
-template <class Map>
+template <class Map, class Views>
 bool merge_points(Map& map, typename map_traits<Map>::point from, typename map_traits<Map>::point into, merge_rule rule,
-                  std::vector<std::pair<typename map_traits<Map>::keyframe, std::size_t>>& scratch,
-                  const merge_tolerance& tolerance = {}) {
+                  Views& scratch, const merge_tolerance& tolerance = {}) {
   using traits = map_traits<Map>;
   if (from == into || (rule == merge_rule::refuse && seen_apart(map, from, into)) ||
       (rule == merge_rule::refuse_apart && seen_apart(map, from, into, tolerance)))
@@ -200,23 +199,23 @@ bool merge_points(Map& map, typename map_traits<Map>::point from, typename map_t
   if constexpr (detail::map_has_v<Map, detail::map_reserve_member>)
     traits::reserve_observations(map, into, scratch.size());
   erase_point(map, from, into);
-  for (const auto& view : scratch) observe(map, into, view.first, view.second);
+  for (const auto& [observer, keypoint] : scratch) observe(map, into, observer, keypoint);
   return true;
 }
 
 /// Takes a keyframe out of the map: all its observations are removed, and points with `fewest` measurements or less are
-/// erased. The points that live on and lost a view are appended to `touched`, when given.
-template <class Map>
-void erase_keyframe(Map& map, typename map_traits<Map>::keyframe keyframe, int fewest = 2,
-                    std::vector<typename map_traits<Map>::point>* touched = nullptr) {
+/// erased. The points that live on and lost a view are appended to `touched`: null, or a pointer to a list.
+template <class Map, class Touched = std::nullptr_t>
+void erase_keyframe(Map& map, typename map_traits<Map>::keyframe keyframe, int fewest = 2, Touched touched = nullptr) {
   using traits = map_traits<Map>;
   const std::size_t count = keypoint_count_of(map, keyframe);
   for (std::size_t i = 0; i < count; ++i) {
     const auto point = traits::point_at(map, keyframe, i);
     if (point == typename traits::point{}) continue;
     if (fade(map, keyframe, i, fewest) || touched == nullptr) continue;
-    if (finest_octave(map, point, keyframe) < 0)
-      touched->push_back(point);  // else another camera of the rig sees it yet
+    if constexpr (!std::is_null_pointer_v<Touched>)
+      if (finest_octave(map, point, keyframe) < 0)
+        touched->push_back(point);  // else another camera of the rig sees it yet
   }
   traits::erase_keyframe(map, keyframe);
 }

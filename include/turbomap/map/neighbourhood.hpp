@@ -7,10 +7,10 @@
 /// [ORB-SLAM3].
 
 #include <cstddef>
-#include <vector>
 
 #include "../config.hpp"
 #include "../error.hpp"
+#include "../plain_vector.hpp"
 #include "covisibility.hpp"
 #include "map_traits.hpp"
 #include "neighbourhood_options.hpp"
@@ -32,8 +32,8 @@ class neighbourhood {
   /// The best covisible keyframes of `query`, most shared points first, then its predecessors in time (with previous() of the
   /// traits) while there are too few.
   template <class Accept = every_keyframe>
-  const std::vector<keyframe>& neighbours(const Map& map, keyframe query, const neighbourhood_options& options,
-                                          Accept accept = {}) {
+  const list_of<keyframe>& neighbours(const Map& map, keyframe query, const neighbourhood_options& options,
+                                      Accept accept = {}) {
     check(options);
     choose_neighbours(map, query, options, accept);
     add_predecessors(map, query, options.temporal_neighbours, accept, neighbours_);
@@ -43,8 +43,8 @@ class neighbourhood {
   /// The neighbours, each followed by its own best covisible keyframes, each keyframe once and never the query, then
   /// predecessors in time of the query.
   template <class Accept = every_keyframe>
-  const std::vector<keyframe>& targets(const Map& map, keyframe query, const neighbourhood_options& options,
-                                       Accept accept = {}) {
+  const list_of<keyframe>& targets(const Map& map, keyframe query, const neighbourhood_options& options,
+                                   Accept accept = {}) {
     check(options);
     choose_neighbours(map, query, options, accept);
     seen_.clear(), targets_.clear();
@@ -65,8 +65,8 @@ class neighbourhood {
 
   /// All covisible keyframes of `query`, most shared points first.
   template <class Accept = every_keyframe>
-  const std::vector<keyframe>& covisible_keyframes(const Map& map, keyframe query,
-                                                   const neighbourhood_options& options, Accept accept = {}) {
+  const list_of<keyframe>& covisible_keyframes(const Map& map, keyframe query, const neighbourhood_options& options,
+                                               Accept accept = {}) {
     check(options);
     targets_.clear();
     for (const auto& c : covisibility_(map, query, options.min_shared_points, no_limit, accept))
@@ -94,7 +94,7 @@ class neighbourhood {
 
   template <class Accept>
   void add_predecessors([[maybe_unused]] const Map& map, [[maybe_unused]] keyframe query, [[maybe_unused]] int wanted,
-                        [[maybe_unused]] Accept accept, [[maybe_unused]] std::vector<keyframe>& list) {
+                        [[maybe_unused]] Accept accept, [[maybe_unused]] list_of<keyframe>& list) {
     if constexpr (detail::map_has_v<Map, detail::map_temporal_member>) {
       if (wanted <= 0) return;
       seen_.clear();
@@ -110,7 +110,7 @@ class neighbourhood {
 
   covisibility<Map> covisibility_;
   keyframe_numbering<Map> seen_;
-  std::vector<keyframe> neighbours_, targets_;
+  list_of<keyframe> neighbours_, targets_;
 };
 
 TURBOMAP_END_NAMESPACE

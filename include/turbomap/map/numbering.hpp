@@ -9,9 +9,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <type_traits>
-#include <vector>
 
 #include "../config.hpp"
+#include "../plain_vector.hpp"
 #include "id_table.hpp"
 #include "map_traits.hpp"
 
@@ -81,7 +81,7 @@ class numbering {
   };
 
   id_table table_;
-  std::vector<cell> cells_;
+  plain_vector<cell> cells_;
   std::size_t size_ = 0;
   std::uint32_t epoch_ = 1;
 };

@@ -9,7 +9,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "../config.hpp"
 #include "map_traits.hpp"
@@ -45,9 +44,8 @@ std::ptrdiff_t observed_at(const Map& map, typename map_traits<Map>::point point
 
 /// Observers per octave from the observations alone: the truth that kept counts must equal. Resized to hold the coarsest
 /// octave seen, and at least to `octaves`. O(views^2).
-template <class Map>
-void recount(const Map& map, typename map_traits<Map>::point point, std::vector<std::uint32_t>& counts,
-             std::size_t octaves = 0) {
+template <class Map, class List>
+void recount(const Map& map, typename map_traits<Map>::point point, List& counts, std::size_t octaves = 0) {
   using traits = map_traits<Map>;
   counts.assign(octaves, 0);
   traits::for_each_observation(map, point, [&](typename traits::keyframe observer, std::size_t keypoint) {

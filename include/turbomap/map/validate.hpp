@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "../config.hpp"
+#include "../plain_vector.hpp"
 #include "map_traits.hpp"
 #include "observation_counts.hpp"
 
@@ -127,7 +128,7 @@ void check_point(const Map& map, typename map_traits<Map>::point point, Report r
   });
   if constexpr (counts_octaves_v<Map>) {
     const auto kept = traits::octave_counts(map, point);
-    std::vector<std::uint32_t> truth;
+    plain_vector<std::uint32_t> truth;
     recount(map, point, truth, kept.size());
     for (std::size_t o = 0; o < truth.size(); ++o)
       if (o >= kept.size() || kept[o] != truth[o])

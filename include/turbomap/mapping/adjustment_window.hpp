@@ -8,13 +8,13 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "../config.hpp"
 #include "../map/covisibility.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/numbering.hpp"
 #include "../map/validate.hpp"
+#include "../plain_vector.hpp"
 #include "keyframe_selection.hpp"
 #include "local_adjustment_options.hpp"
 
@@ -65,14 +65,14 @@ class adjustment_window {
   }
 
   const keyframe_selection<Map>& frames() const { return frames_; }
-  const std::vector<std::uint8_t>& fixed() const { return fixed_; }  ///< by frame
-  const std::vector<point>& points() const { return points_; }
-  const std::vector<vec3<double>>& positions() const { return positions_; }  ///< by point, world, m
+  const plain_vector<std::uint8_t>& fixed() const { return fixed_; }  ///< by frame
+  const list_of<point>& points() const { return points_; }
+  const plain_vector<vec3<double>>& positions() const { return positions_; }  ///< by point, world, m
   std::size_t row_count() const { return rows_frame_.size(); }
   row at(std::size_t i) const { return {rows_frame_[i], rows_landmark_[i], rows_keypoint_[i]}; }
-  const std::vector<std::int32_t>& frame_of_row() const { return rows_frame_; }
-  const std::vector<std::int32_t>& landmark_of_row() const { return rows_landmark_; }
-  const std::vector<std::int32_t>& keypoint_of_row() const { return rows_keypoint_; }
+  const plain_vector<std::int32_t>& frame_of_row() const { return rows_frame_; }
+  const plain_vector<std::int32_t>& landmark_of_row() const { return rows_landmark_; }
+  const plain_vector<std::int32_t>& keypoint_of_row() const { return rows_keypoint_; }
 
   static vec3<double> position_of(const Map& map, point p) {
     const auto& x = traits::position(map, p);
@@ -119,11 +119,11 @@ class adjustment_window {
 
   covisibility<Map> covisibility_;
   keyframe_selection<Map> frames_;
-  std::vector<std::uint8_t> fixed_;
+  plain_vector<std::uint8_t> fixed_;
   point_numbering<Map> point_numbers_;
-  std::vector<point> points_;
-  std::vector<vec3<double>> positions_;
-  std::vector<std::int32_t> rows_frame_, rows_landmark_, rows_keypoint_;
+  list_of<point> points_;
+  plain_vector<vec3<double>> positions_;
+  plain_vector<std::int32_t> rows_frame_, rows_landmark_, rows_keypoint_;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -9,13 +9,13 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "../appearance/update_appearance.hpp"
 #include "../config.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/numbering.hpp"
 #include "../map/validate.hpp"
+#include "../plain_vector.hpp"
 #include "keyframe_selection.hpp"
 #include "stage.hpp"
 
@@ -131,14 +131,14 @@ class appearance_update {
   appearances<descriptor, camera, Policy> appearances_;
   point_numbering<Map> seen_;
   keyframe_selection<Map> observers_;
-  std::vector<view_of_point> views_;
-  std::vector<point> points_;
-  std::vector<vec3<double>> positions_;
-  std::vector<std::int32_t> offsets_, references_;
-  std::vector<point_observation> observations_;
-  std::vector<posed_keyframe<descriptor, camera>> posed_;
-  std::vector<point_appearance> updated_;
-  std::vector<typename descriptor::element> descriptors_;
+  list_of<view_of_point> views_;
+  list_of<point> points_;
+  plain_vector<vec3<double>> positions_;
+  plain_vector<std::int32_t> offsets_, references_;
+  plain_vector<point_observation> observations_;
+  plain_vector<posed_keyframe<descriptor, camera>> posed_;
+  plain_vector<point_appearance> updated_;
+  plain_vector<typename descriptor::element> descriptors_;
 };
 
 TURBOMAP_END_NAMESPACE

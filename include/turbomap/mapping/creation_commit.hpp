@@ -7,7 +7,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "../appearance/appearance_view.hpp"
 #include "../config.hpp"
@@ -29,19 +28,19 @@ TURBOMAP_BEGIN_NAMESPACE
 /// \throws std::invalid_argument  an index out of range, appearances that are not as many as the plan's entries;
 ///         inconsistent_map where a slot contradicts the map. All of the plan is checked before the first point is inserted
 /// O(plan).
-template <class Map>
+template <class Map, class List>
 void commit_points(Map& map, span<const created_point> plan,
                    const computed_appearances<typename map_traits<Map>::descriptor>& appearances,
                    typename map_traits<Map>::keyframe query, span<const typename map_traits<Map>::keyframe> neighbours,
-                   std::vector<typename map_traits<Map>::point>& created) {
+                   List& created) {
   using traits = map_traits<Map>;
   static_assert(require_map_traits<Map>());
   require(appearances.empty() || appearances.size() == plan.size(), "appearances.size()", appearances.size(),
           "must be that of the plan, or 0");
   if (!traits::alive(map, query)) return;
   const auto check = [&](typename traits::keyframe keyframe, std::int32_t keypoint, const char* argument) {
-    require(keypoint >= 0 && static_cast<std::size_t>(keypoint) < keypoint_count_of(map, keyframe), argument,
-            keypoint, "is not a keypoint of the keyframe");
+    require(keypoint >= 0 && static_cast<std::size_t>(keypoint) < keypoint_count_of(map, keyframe), argument, keypoint,
+            "is not a keypoint of the keyframe");
     require_consistent_slot(map, keyframe, static_cast<std::size_t>(keypoint));
   };
   std::size_t accepted = 0;

@@ -10,11 +10,11 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "../config.hpp"
 #include "../fusion/duplicate_search.hpp"
 #include "../map/map_traits.hpp"
+#include "../plain_vector.hpp"
 #include "appearance_update.hpp"
 #include "duplicate_snapshot.hpp"
 #include "fusion_commit.hpp"
@@ -49,7 +49,7 @@ class duplicate_fusion {
     return pass(s, targets, span<const keyframe>(&query, 1), options);
   }
   /// Points that gained observations since begin(): their appearance is due.
-  const std::vector<point>& touched() const { return commit_.touched(); }
+  const list_of<point>& touched() const { return commit_.touched(); }
   void begin() { commit_.clear(); }
 
  private:
@@ -74,7 +74,7 @@ class duplicate_fusion {
       const auto guard = s.guard();
       snapshot_points(s, sources);
     }
-    const std::vector<point> points = snapshot_.points();
+    const list_of<point> points = snapshot_.points();
     fusion_summary summary;
     for (const keyframe target : targets) {
       int cameras = 1;
@@ -91,9 +91,9 @@ class duplicate_fusion {
         cameras = targets_.size() == 0 ? 1 : cameras_[0];
         appearance_options update;
         update.geometry = false;  // normals and ranges at the end, with those of all touched points
-        appearance_(
-            s, span<const point>(commit_.survivors().data() + survivors, commit_.survivors().size() - survivors),
-            update);
+        appearance_(s,
+                    span<const point>(commit_.survivors().data() + survivors, commit_.survivors().size() - survivors),
+                    update);
       }
     }
     return summary;
@@ -120,8 +120,7 @@ class duplicate_fusion {
     for (std::size_t t = 0; t < targets_.size(); ++t) cameras_.push_back(pinned[t].camera_count);
     snapshot_.mark_observed(cameras_);
     if (only_camera != all_cameras)
-      for (std::size_t t = 0; t < targets_.size(); ++t)
-        snapshot_.leave_out_other_cameras(t, cameras_[t], only_camera);
+      for (std::size_t t = 0; t < targets_.size(); ++t) snapshot_.leave_out_other_cameras(t, cameras_[t], only_camera);
     call_.clear();
     for (std::size_t t = 0; t < targets_.size(); ++t)
       call_.push_back({pinned[t], targets_.T_cw()[t], snapshot_.skip(t)});
@@ -141,9 +140,9 @@ class duplicate_fusion {
   fusion_commit<Map> commit_;
   duplicate_snapshot<Map> snapshot_;
   keyframe_selection<Map> targets_;
-  std::vector<int> cameras_;
-  std::vector<duplicate_target<descriptor, camera>> call_;
-  std::vector<duplicate<typename descriptor::distance_type>> plan_;
+  plain_vector<int> cameras_;
+  plain_vector<duplicate_target<descriptor, camera>> call_;
+  plain_vector<duplicate<typename descriptor::distance_type>> plan_;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -8,13 +8,13 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "../config.hpp"
 #include "../fusion/duplicate_options.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/numbering.hpp"
 #include "../map/validate.hpp"
+#include "../plain_vector.hpp"
 #include "keyframe_selection.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -63,7 +63,7 @@ class duplicate_snapshot {
       });
   }
   /// Makes skip() of what was noted; needs no guard. \param cameras  of each target
-  void mark_observed(const std::vector<int>& cameras) {
+  void mark_observed(const plain_vector<int>& cameras) {
     begin_.assign(1, 0);
     for (const int c : cameras) begin_.push_back(begin_.back() + static_cast<std::size_t>(c) * points_.size());
     skip_.assign(begin_.back(), 0);
@@ -88,7 +88,7 @@ class duplicate_snapshot {
             max_distances_.data(),
             descriptors_.data()};
   }
-  const std::vector<point>& points() const { return points_; }
+  const list_of<point>& points() const { return points_; }
   /// What find_duplicates() takes: [camera][point].
   span<const std::uint8_t> skip(std::size_t target) const {
     return {skip_.data() + begin_[target], begin_[target + 1] - begin_[target]};
@@ -113,18 +113,18 @@ class duplicate_snapshot {
     min_distances_.push_back(traits::min_distance(map, p));
     max_distances_.push_back(traits::max_distance(map, p));
     const auto* d = traits::descriptor_data(map, p);
-    descriptors_.insert(descriptors_.end(), d, d + descriptor::elements);
+    descriptors_.append(d, descriptor::elements);
   }
 
   point_numbering<Map> seen_;
-  std::vector<point> points_;
-  std::vector<vec3<double>> positions_;
-  std::vector<vec3<float>> normals_;
-  std::vector<float> min_distances_, max_distances_;
-  std::vector<typename descriptor::element> descriptors_;
-  std::vector<view> observed_;
-  std::vector<std::size_t> begin_;
-  std::vector<std::uint8_t> skip_;
+  list_of<point> points_;
+  plain_vector<vec3<double>> positions_;
+  plain_vector<vec3<float>> normals_;
+  plain_vector<float> min_distances_, max_distances_;
+  plain_vector<typename descriptor::element> descriptors_;
+  list_of<view> observed_;
+  plain_vector<std::size_t> begin_;
+  plain_vector<std::uint8_t> skip_;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -8,7 +8,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <vector>
+
+#include "../plain_vector.hpp"
 
 namespace turbomap {
 
@@ -25,15 +26,15 @@ class duration_statistics {
   /// Element floor(q (n - 1)) of the sorted samples: 0.5 the median, 0.95, 1 the largest. 0 without samples. O(n).
   double quantile(double q) const {
     if (samples_.empty()) return 0;
-    std::vector<double> copy = samples_;
+    plain_vector<double> copy = samples_;
     const auto at = copy.begin() + static_cast<std::ptrdiff_t>(std::floor(q * static_cast<double>(copy.size() - 1)));
     std::nth_element(copy.begin(), at, copy.end());
     return *at;
   }
-  const std::vector<double>& samples() const { return samples_; }
+  const plain_vector<double>& samples() const { return samples_; }
 
  private:
-  std::vector<double> samples_;
+  plain_vector<double> samples_;
 };
 
 }  // namespace turbomap

@@ -19,7 +19,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <utility>
-#include <vector>
 
 #include "../config.hpp"
 #include "../error.hpp"
@@ -29,6 +28,7 @@
 #include "../map/numbering.hpp"
 #include "../map/observation_counts.hpp"
 #include "../map/validate.hpp"
+#include "../plain_vector.hpp"
 #include "../span.hpp"
 #include "fusion_options.hpp"
 
@@ -95,15 +95,20 @@ class fusion_commit {
   }
 
   /// What became of each entry of the last plan.
-  const std::vector<fusion_action>& actions() const { return actions_; }
+  const plain_vector<fusion_action>& actions() const { return actions_; }
   /// Points that gained observations since the last clear(): their descriptor, normal and range are due. Some may be dead or
   /// named twice.
-  const std::vector<point>& touched() const { return touched_; }
+  const list_of<point>& touched() const { return touched_; }
   /// The survivors of merges among them.
-  const std::vector<point>& survivors() const { return survivors_; }
+  const list_of<point>& survivors() const { return survivors_; }
   void clear() { touched_.clear(), survivors_.clear(); }
 
  private:
+  struct view {
+    keyframe observer;
+    std::size_t keypoint;
+  };
+
   template <class Distance>
   void check(const Map& map, span<const duplicate<Distance>> plan, span<const keyframe> targets,
              span<const point> points) {
@@ -175,9 +180,9 @@ class fusion_commit {
   }
 
   point_numbering<Map> checked_;
-  std::vector<fusion_action> actions_;
-  std::vector<point> touched_, survivors_;
-  std::vector<std::pair<keyframe, std::size_t>> scratch_;
+  plain_vector<fusion_action> actions_;
+  list_of<point> touched_, survivors_;
+  list_of<view> scratch_;  ///< of a point that is merged
 };
 
 TURBOMAP_END_NAMESPACE

@@ -7,40 +7,68 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <string>
-#include <unordered_map>
 
 #include "../error.hpp"
+#include "../plain_vector.hpp"
 #include "../store/keyframe_handle.hpp"
 
 namespace turbomap {
 
-/// From the ids of map traits to handles. Not synchronised.
+/// From the ids of map traits to handles: a list by id, since keyframes come with ascending ids. Finds in O(log n), adds in
+/// O(1) behind the last id, erases in O(n). Not synchronised.
 class handle_table {
  public:
   /// Throws std::invalid_argument when the id has a handle already; std::bad_alloc. Unchanged in both cases.
   void add(std::uint64_t id, keyframe_handle handle) {
-    require(handles_.emplace(id, handle).second, "keyframe id", id, "is in the store already");
+    std::size_t at = place(id);
+    require(!is_at(at, id), "keyframe id", id, "is in the store already");
+    entries_.push_back({id, handle});
+    for (std::size_t i = entries_.size() - 1; i > at; --i) entries_[i] = entries_[i - 1];
+    entries_[at] = {id, handle};
   }
   /// False, and nothing in `handle`, when the keyframe is not in the store.
   bool find(std::uint64_t id, keyframe_handle& handle) const {
-    const auto found = handles_.find(id);
-    if (found == handles_.end()) return false;
-    handle = found->second;
+    const std::size_t at = place(id);
+    if (!is_at(at, id)) return false;
+    handle = entries_[at].handle;
     return true;
   }
-  bool contains(std::uint64_t id) const { return handles_.count(id) != 0; }
+  bool contains(std::uint64_t id) const { return is_at(place(id), id); }
   /// Throws std::invalid_argument for a keyframe that is not in the store.
   keyframe_handle at(std::uint64_t id) const {
-    const auto found = handles_.find(id);
-    require(found != handles_.end(), "keyframe id", id, "is not in the store: insert the keyframe first");
-    return found->second;
+    const std::size_t at = place(id);
+    require(is_at(at, id), "keyframe id", id, "is not in the store: insert the keyframe first");
+    return entries_[at].handle;
   }
-  void erase(std::uint64_t id) { handles_.erase(id); }
-  std::size_t size() const { return handles_.size(); }
+  void erase(std::uint64_t id) {
+    std::size_t at = place(id);
+    if (!is_at(at, id)) return;
+    for (; at + 1 < entries_.size(); ++at) entries_[at] = entries_[at + 1];
+    entries_.pop_back();
+  }
+  std::size_t size() const { return entries_.size(); }
 
  private:
-  std::unordered_map<std::uint64_t, keyframe_handle> handles_;
+  struct entry {
+    std::uint64_t id;
+    keyframe_handle handle;
+  };
+
+  /// Of the first id that is not smaller.
+  std::size_t place(std::uint64_t id) const {
+    std::size_t begin = 0, end = entries_.size();
+    while (begin < end) {
+      const std::size_t middle = begin + (end - begin) / 2;
+      if (entries_[middle].id < id)
+        begin = middle + 1;
+      else
+        end = middle;
+    }
+    return begin;
+  }
+  bool is_at(std::size_t place, std::uint64_t id) const { return place < entries_.size() && entries_[place].id == id; }
+
+  plain_vector<entry> entries_;
 };
 
 }  // namespace turbomap

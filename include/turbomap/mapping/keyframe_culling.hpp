@@ -8,7 +8,7 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
+#include <type_traits>
 
 #include "../config.hpp"
 #include "../culling/redundancy.hpp"
@@ -19,6 +19,7 @@
 #include "../map/observation_counts.hpp"
 #include "../map/validate.hpp"
 #include "../math/strict.hpp"
+#include "../plain_vector.hpp"
 #include "../span.hpp"
 #include "stage.hpp"
 
@@ -46,23 +47,23 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// Keyframes that see the point at `octave` or finer, but no more than `enough`: counting ends there. A prefix sum of the
 /// kept counts; without them, a walk over the observations.
-template <class Map>
+template <class Map, class List>
 std::uint32_t observers_up_to(const Map& map, typename map_traits<Map>::point point, int octave, std::uint32_t enough,
-                              [[maybe_unused]] std::vector<std::uint32_t>& scratch) {
+                              [[maybe_unused]] List& scratch) {
   if constexpr (counts_octaves_v<Map>) {
     const auto& counts = map_traits<Map>::octave_counts(map, point);
     return count_up_to({counts.data(), counts.size()}, octave, enough);
   } else {
     recount(map, point, scratch);
-    return count_up_to(scratch, octave, enough);
+    return count_up_to({scratch.data(), scratch.size()}, octave, enough);
   }
 }
 
 /// Points of the keyframe that count, and how many of them are redundant. A short sum per point where the map keeps counts
 /// (counts_octaves_v). `scratch` is reused memory. O(keypoints).
-template <class Map>
+template <class Map, class List>
 redundancy count_redundant(const Map& map, typename map_traits<Map>::keyframe keyframe,
-                           const keyframe_culling_options& options, std::vector<std::uint32_t>& scratch) {
+                           const keyframe_culling_options& options, List& scratch) {
   using traits = map_traits<Map>;
   redundancy count;
   const std::size_t keypoints = keypoint_count_of(map, keyframe);
@@ -139,20 +140,19 @@ struct ignore_keyframe {
 /// \param current     the keyframe that local mapping works on: the guards look back from it
 /// \param candidates  keyframes; dead ones and those that may_erase() protects are passed over
 /// \param records     one entry per candidate, appended
-/// \param touched     points that lost a view and live on, appended when given
+/// \param touched     null, or a pointer to a list: points that lost a view and live on are appended
 /// \param erasing     erasing(keyframe): called before a keyframe is taken out
 /// \throws std::invalid_argument  an option out of range
 /// O(keypoints of the candidates + views of removed ones).
-template <class Map, class Erasing = ignore_keyframe>
+template <class Map, class Records, class Touched = std::nullptr_t, class Erasing = ignore_keyframe>
 void cull_keyframes(Map& map, typename map_traits<Map>::keyframe current,
                     span<const typename map_traits<Map>::keyframe> candidates, const keyframe_culling_options& options,
-                    std::vector<culling_record<typename map_traits<Map>::keyframe>>& records,
-                    std::vector<typename map_traits<Map>::point>* touched = nullptr, const Erasing& erasing = {}) {
+                    Records& records, Touched touched = nullptr, const Erasing& erasing = {}) {
   using traits = map_traits<Map>;
   static_assert(require_map_traits<Map>());
   check(options);
   records.reserve(records.size() + candidates.size());
-  std::vector<std::uint32_t> scratch;
+  plain_vector<std::uint32_t> scratch;
   constexpr bool has_time = detail::map_has_v<Map, detail::map_temporal_member>;
   require(!options.temporal_guards || has_time, "options.temporal_guards", options.temporal_guards,
           "needs map_traits with time, previous and next");
@@ -177,7 +177,8 @@ void cull_keyframes(Map& map, typename map_traits<Map>::keyframe current,
       if (erase && options.temporal_guards) erase = !leaves_gap(map, keyframe, state, options);
     if (erase) {
       if constexpr (counts_octaves_v<Map>) require_consistent_keyframe(map, keyframe);
-      if (touched != nullptr) touched->reserve(touched->size() + keypoint_count_of(map, keyframe));
+      if constexpr (!std::is_null_pointer_v<Touched>)
+        if (touched != nullptr) touched->reserve(touched->size() + keypoint_count_of(map, keyframe));
       erasing(keyframe);
       erase_keyframe(map, keyframe, options.fewest_measurements, touched);
       if constexpr (has_time)
@@ -199,7 +200,7 @@ class keyframe_culling {
   using scope = mapping_scope<Map, Policy>;
 
   /// Chooses the candidates: covisible keyframes that are in the store.
-  const std::vector<keyframe>& snapshot(const scope& s, keyframe current, const neighbourhood_options& options) {
+  const list_of<keyframe>& snapshot(const scope& s, keyframe current, const neighbourhood_options& options) {
     const auto guard = s.guard();
     touched_.clear();
     const auto in_store = [&](keyframe k) { return s.stored.contains(traits::id(s.map, k)); };
@@ -217,13 +218,13 @@ class keyframe_culling {
       if (record.verdict == culling_verdict::erased) erased(record.id);
   }
   /// Points that lost a view since snapshot() and live on: their appearance is due.
-  const std::vector<point>& touched() const { return touched_; }
+  const list_of<point>& touched() const { return touched_; }
 
  private:
   neighbourhood<Map> neighbourhood_;
-  std::vector<keyframe> candidates_;
-  std::vector<culling_record<keyframe>> records_;
-  std::vector<point> touched_;
+  list_of<keyframe> candidates_;
+  list_of<culling_record<keyframe>> records_;
+  list_of<point> touched_;
 };
 
 TURBOMAP_END_NAMESPACE

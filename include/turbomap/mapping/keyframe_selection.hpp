@@ -7,11 +7,11 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "../config.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/numbering.hpp"
+#include "../plain_vector.hpp"
 #include "../store/posed_keyframe.hpp"
 #include "handle_table.hpp"
 
@@ -48,17 +48,17 @@ class keyframe_selection {
 
   std::size_t size() const { return keyframes_.size(); }
   keyframe operator[](std::size_t i) const { return keyframes_[i]; }
-  const std::vector<keyframe>& keyframes() const { return keyframes_; }
-  const std::vector<std::uint64_t>& ids() const { return ids_; }
-  const std::vector<rigid_transform<double>>& T_cw() const { return T_cw_; }
-  const std::vector<keyframe_handle>& handles() const { return handles_; }
+  const list_of<keyframe>& keyframes() const { return keyframes_; }
+  const plain_vector<std::uint64_t>& ids() const { return ids_; }
+  const plain_vector<rigid_transform<double>>& T_cw() const { return T_cw_; }
+  const plain_vector<keyframe_handle>& handles() const { return handles_; }
 
  private:
   keyframe_numbering<Map> numbers_;
-  std::vector<keyframe> keyframes_;
-  std::vector<std::uint64_t> ids_;
-  std::vector<rigid_transform<double>> T_cw_;
-  std::vector<keyframe_handle> handles_;
+  list_of<keyframe> keyframes_;
+  plain_vector<std::uint64_t> ids_;
+  plain_vector<rigid_transform<double>> T_cw_;
+  plain_vector<keyframe_handle> handles_;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -9,7 +9,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "../adjustment/levenberg_marquardt.hpp"
 #include "../adjustment/problem.hpp"
@@ -18,6 +17,7 @@
 #include "../map/map_edit.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/validate.hpp"
+#include "../plain_vector.hpp"
 #include "../store/argument_checks.hpp"
 #include "adjustment_window.hpp"
 #include "local_adjustment_options.hpp"
@@ -129,9 +129,9 @@ class local_adjustment {
   }
 
   /// The points of the last adjustment: their normals and ranges are due.
-  const std::vector<point>& points() const { return window_.points(); }
+  const list_of<point>& points() const { return window_.points(); }
   /// Those of them that lost an observation as an outlier and live on: their descriptors are due too.
-  const std::vector<point>& points_that_lost_views() const { return lost_views_; }
+  const list_of<point>& points_that_lost_views() const { return lost_views_; }
 
  private:
   static bool same(const rigid_transform<double>& a, const rigid_transform<double>& b) {
@@ -170,11 +170,11 @@ class local_adjustment {
   adjustment_window<Map> window_;
   window_measurements<Map, Policy> measurements_;
   bundle_problem<Policy, pose_frame, reprojections<camera>> problem_;
-  std::vector<rigid_transform<double>> T_cw_;  ///< by frame, adjusted
-  std::vector<vec3<double>> positions_;        ///< by point, adjusted
-  std::vector<double> chi2_, depth_;           ///< by row, at the end
-  std::vector<std::size_t> outliers_;          ///< rows
-  std::vector<point> lost_views_;
+  plain_vector<rigid_transform<double>> T_cw_;  ///< by frame, adjusted
+  plain_vector<vec3<double>> positions_;        ///< by point, adjusted
+  plain_vector<double> chi2_, depth_;           ///< by row, at the end
+  plain_vector<std::size_t> outliers_;          ///< rows
+  list_of<point> lost_views_;
 };
 
 template <class Map, class Policy>

@@ -9,12 +9,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <utility>
-#include <vector>
 
 #include "../appearance/update_appearance.hpp"
 #include "../config.hpp"
 #include "../map/map_traits.hpp"
 #include "../matching/point_creation.hpp"
+#include "../plain_vector.hpp"
 #include "creation_commit.hpp"
 #include "neighbour_search.hpp"
 #include "stage.hpp"
@@ -37,8 +37,8 @@ class map_point_creation {
 
   /// Points of the last search of `search`, which gives its keyframes back to the store.
   /// \return the new points, until the next call
-  const std::vector<point>& operator()(const scope& s, search_type& search, const creation_options& options,
-                                       const appearance_options& appearance) {
+  const list_of<point>& operator()(const scope& s, search_type& search, const creation_options& options,
+                                   const appearance_options& appearance) {
     compute(s, search, options, appearance);
     search.release();
     commit(s, search);
@@ -65,7 +65,7 @@ class map_point_creation {
   }
 
   /// Every match of the last call with what became of it.
-  const std::vector<created_point>& plan() const { return plan_; }
+  const plain_vector<created_point>& plan() const { return plan_; }
 
  private:
   /// As if the two views of each point were in the map already.
@@ -90,14 +90,14 @@ class map_point_creation {
 
   point_creation<Policy> candidates_;
   appearances<descriptor, camera, Policy> appearances_;
-  std::vector<created_point> plan_, accepted_;
-  std::vector<point> created_;
+  plain_vector<created_point> plan_, accepted_;
+  list_of<point> created_;
   // Of the accepted points.
-  std::vector<vec3<double>> positions_;
-  std::vector<std::int32_t> offsets_, references_;
-  std::vector<point_observation> observations_;
-  std::vector<point_appearance> look_;
-  std::vector<typename descriptor::element> descriptors_;
+  plain_vector<vec3<double>> positions_;
+  plain_vector<std::int32_t> offsets_, references_;
+  plain_vector<point_observation> observations_;
+  plain_vector<point_appearance> look_;
+  plain_vector<typename descriptor::element> descriptors_;
 };
 
 TURBOMAP_END_NAMESPACE

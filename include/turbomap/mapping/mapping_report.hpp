@@ -8,8 +8,8 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
+#include "../plain_vector.hpp"
 #include "fusion_options.hpp"
 #include "guard_times.hpp"
 #include "local_adjustment_options.hpp"
@@ -63,10 +63,10 @@ struct mapping_report {
   std::size_t points_culled = 0;  ///< on probation
   std::size_t fusion_targets = 0;
   fusion_summary fused;
-  local_adjustment_summary adjustment;          ///< of the mapper's own stage; as it comes where a hook adjusts
-  std::size_t points_updated = 0;               ///< whose appearance was computed anew
-  std::vector<std::uint64_t> keyframes_culled;  ///< ids
-  bool cut = false;                             ///< the deadline cut a stage
+  local_adjustment_summary adjustment;           ///< of the mapper's own stage; as it comes where a hook adjusts
+  std::size_t points_updated = 0;                ///< whose appearance was computed anew
+  plain_vector<std::uint64_t> keyframes_culled;  ///< ids
+  bool cut = false;                              ///< the deadline cut a stage
 };
 
 }  // namespace turbomap

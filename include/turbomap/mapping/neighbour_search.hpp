@@ -18,6 +18,7 @@
 #include "../map/neighbourhood.hpp"
 #include "../matching/correspondence_search.hpp"
 #include "../matching/neighbour_rules.hpp"
+#include "../plain_vector.hpp"
 #include "../store/posed_keyframe.hpp"
 #include "keyframe_selection.hpp"
 #include "neighbour_search_options.hpp"
@@ -79,7 +80,7 @@ class neighbour_search {
   const matches_type& matches() const { return matches_; }
 
  private:
-  void gather(const Map& map, const handle_table& stored, keyframe query, const std::vector<keyframe>& neighbours,
+  void gather(const Map& map, const handle_table& stored, keyframe query, const list_of<keyframe>& neighbours,
               const neighbour_search_options& options, std::size_t most) {
     selection_.clear();
     stored.at(traits::id(map, query));  // throws when it is not there
@@ -112,12 +113,12 @@ class neighbour_search {
 
   neighbourhood<Map> neighbourhood_;
   keyframe_selection<Map> selection_;
-  std::vector<std::vector<std::uint8_t>> masks_;
+  std::vector<plain_vector<std::uint8_t>> masks_;
   std::optional<pinned_keyframes<descriptor, camera, memory_of_t<Policy>>> pinned_;
-  std::vector<posed_keyframe<descriptor, camera>> posed_;
+  plain_vector<posed_keyframe<descriptor, camera>> posed_;
   matches_type matches_;
-  std::vector<vec3<double>> points_;
-  std::vector<double> depths_;
+  plain_vector<vec3<double>> points_;
+  plain_vector<double> depths_;
 };
 
 TURBOMAP_END_NAMESPACE

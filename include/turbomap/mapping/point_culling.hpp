@@ -8,7 +8,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "../config.hpp"
 #include "../culling/probation.hpp"
@@ -16,6 +15,7 @@
 #include "../map/map_traits.hpp"
 #include "../map/observation_counts.hpp"
 #include "../map/validate.hpp"
+#include "../plain_vector.hpp"
 #include "../span.hpp"
 #include "stage.hpp"
 
@@ -24,14 +24,13 @@ TURBOMAP_BEGIN_NAMESPACE
 /// One round, at keyframe number `now`: erases what fails, and takes off the list what failed, died, was merged or has
 /// passed. All points are checked before the first is erased: inconsistent_map leaves the map and the list as they were.
 /// The caller holds the guard. O(points x views).
-template <class Map>
-map_point_culling_summary cull_recent_points(Map& map,
-                                             std::vector<recent_point<typename map_traits<Map>::point>>& recent,
-                                             std::int64_t now, const map_point_culling_options& options = {}) {
+template <class Map, class List>
+map_point_culling_summary cull_recent_points(Map& map, List& recent, std::int64_t now,
+                                             const map_point_culling_options& options = {}) {
   using traits = map_traits<Map>;
   static_assert(require_map_traits<Map>());
   check(options);
-  std::vector<std::uint8_t> failed(recent.size(), 0);
+  plain_vector<std::uint8_t> failed(recent.size(), 0);
   for (std::size_t i = 0; i < recent.size(); ++i) {
     const auto& r = recent[i];
     if (!traits::alive(map, r.point)) continue;
@@ -54,7 +53,7 @@ map_point_culling_summary cull_recent_points(Map& map,
       recent[kept++] = r;
     }
   }
-  recent.erase(recent.begin() + static_cast<std::ptrdiff_t>(kept), recent.end());
+  recent.resize(kept);
   return summary;
 }
 
@@ -76,7 +75,7 @@ class point_culling {
   }
 
  private:
-  std::vector<recent_point<point>> recent_;
+  list_of<recent_point<point>> recent_;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -48,11 +48,11 @@ using store_of =
 /// What a stage works on. Cheap to make and to copy: it only refers.
 template <class Map, class Policy>
 struct mapping_scope {
-  context<Policy>& ctx;         ///< policy, stream and scratch memory
-  Map& map;                     ///< the user's
+  context<Policy>& ctx;          ///< policy, stream and scratch memory
+  Map& map;                      ///< the user's
   store_of<Map, Policy>& store;  ///< resident keyframes
-  const handle_table& stored;   ///< which keyframes of the map are in the store, by id
-  guard_times& held;            ///< where the stage's guard times go
+  const handle_table& stored;    ///< which keyframes of the map are in the store, by id
+  guard_times& held;             ///< where the stage's guard times go
 
   timed_guard<Map> guard() const { return timed_guard<Map>(map, held); }
 };

@@ -9,7 +9,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <vector>
 
 #include "../adjustment/gather_measurements.hpp"
 #include "../array.hpp"
@@ -18,6 +17,7 @@
 #include "../context.hpp"
 #include "../error.hpp"
 #include "../math/scale_table.hpp"
+#include "../plain_vector.hpp"
 #include "adjustment_window.hpp"
 #include "stage.hpp"
 
@@ -57,9 +57,9 @@ class window_measurements {
     }
   }
 
-  const std::vector<vec3<double>>& pixel() const { return pixel_; }
-  const std::vector<double>& information() const { return information_; }
-  const std::vector<std::uint8_t>& camera_of_row() const { return camera_; }
+  const plain_vector<vec3<double>>& pixel() const { return pixel_; }
+  const plain_vector<double>& information() const { return information_; }
+  const plain_vector<std::uint8_t>& camera_of_row() const { return camera_; }
   rig_view<camera> cameras() const { return {cameras_.data(), static_cast<int>(cameras_.size())}; }
   bool is_stereo(std::size_t row) const {
     return pixel_[row].z >= 0 && detail::is_finite(pixel_[row].z) && cameras_[camera_[row]].bf > 0;
@@ -84,8 +84,10 @@ class window_measurements {
     table.copy(block, sigma2);
     ctx.send(block, inputs.bytes());
 
-    measurement_rows<descriptor, camera> out{views.resident(block),   frame.resident(block),
-                                             keypoint.resident(block), table.resident(block),
+    measurement_rows<descriptor, camera> out{views.resident(block),
+                                             frame.resident(block),
+                                             keypoint.resident(block),
+                                             table.resident(block),
                                              ctx.template scratch<vec3<double>>(rows),
                                              ctx.template scratch<double>(rows),
                                              ctx.template scratch<std::uint8_t>(rows)};
@@ -113,7 +115,7 @@ class window_measurements {
       first_camera_.push_back(first);
       if (first != cameras_.size()) continue;
       starts_.push_back({first, count});
-      cameras_.insert(cameras_.end(), mine, mine + count);
+      cameras_.append(mine, count);
       require(cameras_.size() <= 256, "cameras of the keyframes", cameras_.size(),
               "must be 256 or fewer in one adjustment");
     }
@@ -132,14 +134,14 @@ class window_measurements {
   };
 
   array<std::byte, memory_of_t<Policy>> inputs_;
-  std::vector<view> views_;
-  std::vector<vec3<double>> pixel_;
-  std::vector<double> information_;
-  std::vector<std::uint8_t> camera_;
-  std::vector<rig_camera<camera>> rigs_;     ///< [frame][most]
-  std::vector<rig_camera<camera>> cameras_;  ///< of the distinct rigs
-  std::vector<rig_place> starts_;
-  std::vector<std::size_t> first_camera_;  ///< of each frame
+  list_of<view> views_;
+  plain_vector<vec3<double>> pixel_;
+  plain_vector<double> information_;
+  plain_vector<std::uint8_t> camera_;
+  plain_vector<rig_camera<camera>> rigs_;     ///< [frame][most]
+  plain_vector<rig_camera<camera>> cameras_;  ///< of the distinct rigs
+  plain_vector<rig_place> starts_;
+  plain_vector<std::size_t> first_camera_;  ///< of each frame
 };
 
 TURBOMAP_END_NAMESPACE

@@ -14,6 +14,7 @@
 #include "../array.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../plain_vector.hpp"
 #include "search_view.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -29,7 +30,7 @@ struct search_buffers {
   array<pair_geometry, Memory> pairs;                          ///< [neighbour][query camera][neighbour camera]
   array<std::int32_t, Memory> match;                           ///< [neighbour][slot]
   array<typename Descriptor::distance_type, Memory> distance;  ///< [neighbour][slot]
-  std::vector<std::int32_t> queries;    ///< query keypoints without a map point, ascending: the slots
+  plain_vector<std::int32_t> queries;   ///< query keypoints without a map point, ascending: the slots
   std::size_t neighbour_keypoints = 0;  ///< of all neighbours together
   bool has_angles = false;              ///< every keyframe came with the angles of its keypoints
 };
@@ -79,14 +80,14 @@ class correspondences {
   /// Every keyframe came with the angles of its keypoints.
   bool has_angles() const { return buffers_.has_angles; }
   /// Query keypoints without a map point, ascending: the slots of the result.
-  const std::vector<std::int32_t>& queries() const { return buffers_.queries; }
+  const plain_vector<std::int32_t>& queries() const { return buffers_.queries; }
   /// For who fills them: the search, or given_correspondences().
   search_buffers<Descriptor, Camera, memory_type>& buffers() { return buffers_; }
 
  private:
   search_buffers<Descriptor, Camera, memory_type> buffers_;
-  mutable std::vector<std::int32_t> host_match_;
-  mutable std::vector<distance_type> host_distance_;
+  mutable plain_vector<std::int32_t> host_match_;
+  mutable plain_vector<distance_type> host_distance_;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -77,12 +77,12 @@ struct created_track {
 /// \param plan               all outcomes in (neighbour, query keypoint) order
 /// \param query_keypoints    keypoints of the query
 /// \param neighbour_keypoints keypoints of each neighbour
-inline std::vector<created_point> first_claims(const std::vector<created_point>& plan, int query_keypoints,
-                                               const std::vector<int>& neighbour_keypoints) {
+template <class List = std::vector<created_point>>
+List first_claims(const List& plan, int query_keypoints, const std::vector<int>& neighbour_keypoints) {
   std::vector<bool> query_taken(static_cast<std::size_t>(query_keypoints));
   std::vector<std::vector<bool>> taken(neighbour_keypoints.size());
   for (std::size_t n = 0; n < taken.size(); ++n) taken[n].resize(static_cast<std::size_t>(neighbour_keypoints[n]));
-  std::vector<created_point> result;
+  List result;
   for (const created_point& p : plan) {
     if (p.outcome != creation_outcome::accepted) continue;
     auto query = query_taken.at(static_cast<std::size_t>(p.query));

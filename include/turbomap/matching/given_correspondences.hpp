@@ -7,11 +7,11 @@
 /// work on them.
 
 #include <cstdint>
-#include <vector>
 
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
+#include "../plain_vector.hpp"
 #include "correspondences.hpp"
 #include "prepare_pairs.hpp"
 #include "search_setup.hpp"
@@ -34,13 +34,13 @@ void given_correspondences(context<Policy>& ctx, const posed_keyframe<Descriptor
   ctx.begin_call();
   check_search(ctx, query, given, options);
   const detail::searched_neighbours<Descriptor, Camera> neighbours(query, given, options);
-  std::vector<std::int32_t> slot(static_cast<std::size_t>(query.view.keypoint_count), no_match);
+  plain_vector<std::int32_t> slot(static_cast<std::size_t>(query.view.keypoint_count), no_match);
   std::int32_t slots = 0;
   for (std::int32_t i = 0; i < query.view.keypoint_count; ++i)
     if (!mapped(query, i)) slot[static_cast<std::size_t>(i)] = slots++;
   const std::size_t count = neighbours.size() * static_cast<std::size_t>(slots);
-  std::vector<std::int32_t> candidate(count, no_match);
-  std::vector<typename Descriptor::distance_type> distance(count);
+  plain_vector<std::int32_t> candidate(count, no_match);
+  plain_vector<typename Descriptor::distance_type> distance(count);
   for (std::size_t k = 0; k < matches.size(); ++k) {
     const auto& m = matches[k];
     require(m.neighbour >= 0 && static_cast<std::size_t>(m.neighbour) < neighbours.size(), "matches[].neighbour",

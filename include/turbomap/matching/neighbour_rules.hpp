@@ -8,12 +8,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <vector>
 
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../math/functions.hpp"
 #include "../math/linear.hpp"
+#include "../span.hpp"
 #include "../types.hpp"
 #include "neighbour_options.hpp"
 
@@ -40,8 +40,8 @@ inline bool baseline_suffices_monocular(const rigid_transform<double>& T_aw, con
 
 /// Median depth (m) of world points in a keyframe: element floor((n - 1) / 2) of the sorted depths. -1 without points. Not
 /// finite depths are left out. `depths` is scratch that is reused. O(n).
-inline double median_depth(const rigid_transform<double>& T_cw, const std::vector<vec3<double>>& points,
-                           std::vector<double>& depths) {
+template <class List>
+double median_depth(const rigid_transform<double>& T_cw, span<const vec3<double>> points, List& depths) {
   const isometry<double> T = to_isometry<double>(T_cw);
   depths.clear();
   for (const vec3<double>& p : points) {

@@ -15,6 +15,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
+#include "../plain_vector.hpp"
 #include "correspondences.hpp"
 #include "create_point.hpp"
 #include "creation_check.hpp"
@@ -32,9 +33,8 @@ class point_creation {
 
   /// All matches with their outcome, in (neighbour, query keypoint) order, equal on every policy. Waits.
   /// \param matches  what create_points() was given, unchanged; throws std::invalid_argument when its size is another
-  template <class Descriptor, class Camera>
-  void plan(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches,
-            std::vector<created_point>& result) const {
+  template <class Descriptor, class Camera, class List>
+  void plan(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches, List& result) const {
     const auto count = static_cast<std::size_t>(matches.size());
     require(points_.size() == count, "matches", points_.size(), "are not what the points were made from");
     const std::int32_t* match = ctx.on_host(matches.view().match, count, host_match_);
@@ -60,8 +60,8 @@ class point_creation {
 
  private:
   array<created_point, memory_type> points_;
-  mutable std::vector<std::int32_t> host_match_;
-  mutable std::vector<created_point> host_points_;
+  mutable plain_vector<std::int32_t> host_match_;
+  mutable plain_vector<created_point> host_points_;
 };
 
 /// Creates and tests a point for every match [ORB-SLAM3]: triangulates where the rays of the two views have more parallax

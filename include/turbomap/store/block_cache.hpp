@@ -10,10 +10,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory_resource>
-#include <vector>
 
 #include "../config.hpp"
 #include "../error.hpp"
+#include "../plain_vector.hpp"
 #include "../span.hpp"
 #include "chunk_allocator.hpp"
 #include "keyframe_store_options.hpp"
@@ -187,11 +187,12 @@ class block_cache {
   void undo(std::size_t empty_resident, std::size_t empty_paged) noexcept {
     give_back_requests();
     bool moved = false;
-    for (auto v = victims_.rbegin(); v != victims_.rend(); ++v) {
-      moved = moved || v->homeless;
-      if (v->homeless) continue;
-      resident_.claim(entries_[v->slot].block);
-      paged_.deallocate(v->paged);
+    for (std::size_t i = victims_.size(); i-- > 0;) {
+      const victim& v = victims_[i];
+      moved = moved || v.homeless;
+      if (v.homeless) continue;
+      resident_.claim(entries_[v.slot].block);
+      paged_.deallocate(v.paged);
     }
     resident_.release_empty(moved ? 0 : empty_resident);
     for (const victim& v : victims_)
@@ -233,15 +234,15 @@ class block_cache {
   }
 
   void give_back_requests() noexcept {
-    for (auto r = requests_.rbegin(); r != requests_.rend(); ++r)
-      if (r->block) resident_.deallocate(r->block);
+    for (std::size_t i = requests_.size(); i-- > 0;)
+      if (requests_[i].block) resident_.deallocate(requests_[i].block);
   }
 
   transfer_lane<Memory> lane_;
   chunk_allocator resident_, paged_;
-  std::vector<entry> entries_;
-  std::vector<request> requests_;
-  std::vector<victim> victims_;
+  plain_vector<entry> entries_;
+  plain_vector<request> requests_;
+  plain_vector<victim> victims_;
   use_order unpinned_;  // the resident blocks without pins
   std::uint64_t mark_ = 0, page_ins_ = 0, page_outs_ = 0;
 };

@@ -7,22 +7,18 @@
 /// is outside of it.
 
 #include <cstddef>
-#include <iterator>
-#include <list>
-#include <memory>
 #include <memory_resource>
 #include <new>
-#include <utility>
-#include <vector>
 
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../memory.hpp"
+#include "../plain_vector.hpp"
 #include "chunk_range.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Best fit with coalescing, O(log n) in the number of free ranges. Grows by whole chunks, within a limit. Not thread
+/// Best fit with coalescing. Grows by whole chunks, within a limit. Not thread
 /// safe.
 class chunk_allocator {
  public:
@@ -39,7 +35,13 @@ class chunk_allocator {
   chunk_allocator(const chunk_allocator&) = delete;
   chunk_allocator& operator=(const chunk_allocator&) = delete;
   ~chunk_allocator() {
-    for (const auto& c : chunks_) resource_->deallocate(c->data, c->bytes, alignment);
+    for (detail::chunk* const c : chunks_) {
+      give_up_ranges(*c);
+      resource_->deallocate(c->data, c->bytes, alignment);
+      delete c;
+    }
+    delete spare_chunk_;
+    while (spares_ != nullptr) delete take_spare();
   }
 
   /// A block of at least `bytes`, growing when nothing fits. Throws out_of_memory when it cannot, with nothing changed.
@@ -53,10 +55,10 @@ class chunk_allocator {
   /// The same without growing: an empty block when nothing fits.
   chunk_block try_allocate(std::size_t bytes) {
     bytes = align_up(bytes == 0 ? 1 : bytes, alignment);
-    const auto found = free_.lower_bound(bytes);
-    if (found == free_.end()) return {};
-    detail::chunk_range& range = **found;
-    if (range.bytes > bytes) reserve_spares(1);  // the only thing that can throw
+    detail::chunk_range* const found = free_.best_fit(bytes);
+    if (found == nullptr) return {};
+    detail::chunk_range& range = *found;
+    if (range.bytes > bytes) reserve_spare();  // the only thing that can throw
     take_out(range);
     if (range.bytes > bytes) cut(range, bytes);
     return hand_out(range);
@@ -68,34 +70,36 @@ class chunk_allocator {
     std::size_t size = bytes > chunk_bytes_ ? bytes : chunk_bytes_;
     if (size > limit_ - reserved_bytes_) size = limit_ - reserved_bytes_;
     if (size < bytes) return growth::over_limit;
-    reserve_spares(1);
-    auto grown = std::make_unique<detail::chunk>(detail::chunk{nullptr, size, next_number_, 0, {}});
+    reserve_spare();
     chunks_.reserve(chunks_.size() + 1);
+    if (spare_chunk_ == nullptr) spare_chunk_ = new detail::chunk;
+    std::byte* data = nullptr;
     try {
-      grown->data = static_cast<std::byte*>(resource_->allocate(size, alignment));
+      data = static_cast<std::byte*>(resource_->allocate(size, alignment));
     } catch (const std::bad_alloc&) {
       return growth::refused;
     }
-    ++next_number_;
+    detail::chunk& c = *spare_chunk_;
+    spare_chunk_ = nullptr;
+    c = {data, size, next_number_++, 0, nullptr};
     ++empty_chunks_;
     reserved_bytes_ += size;
     if (reserved_bytes_ > peak_bytes_) peak_bytes_ = reserved_bytes_;
-    detail::chunk& c = *grown;
-    chunks_.push_back(std::move(grown));
-    put_in(add_range(c, c.ranges.end(), 0, size));
+    chunks_.push_back(&c);
+    put_in(add_range(c, nullptr, 0, size));
     return growth::done;
   }
 
-  /// Gives a block back, O(log n). Chunks stay until release_empty().
+  /// Gives a block back. Chunks stay until release_empty().
   void deallocate(const chunk_block& block) noexcept {
     detail::chunk& c = *block.owner;
-    const auto range = block.range->self;
-    used_bytes_ -= range->bytes;
+    detail::chunk_range& range = *block.range;
+    used_bytes_ -= range.bytes;
     --block_count_;
     if (--c.blocks == 0) ++empty_chunks_;
-    if (range != c.ranges.begin() && std::prev(range)->free) absorb(c, range, std::prev(range));
-    if (std::next(range) != c.ranges.end() && std::next(range)->free) absorb(c, range, std::next(range));
-    put_in(*range);
+    if (range.previous != nullptr && range.previous->free) absorb(range, *range.previous);
+    if (range.next != nullptr && range.next->free) absorb(range, *range.next);
+    put_in(range);
   }
 
   /// Undoes deallocate(): takes the very same bytes again and updates the block. They must all be free, and the blocks
@@ -103,13 +107,13 @@ class chunk_allocator {
   void claim(chunk_block& block) noexcept {
     detail::chunk& c = *block.owner;
     const std::size_t offset = static_cast<std::size_t>(block.data - c.data);
-    auto range = c.ranges.begin();
-    while (range->offset + range->bytes <= offset) ++range;
+    detail::chunk_range* range = c.first;
+    while (range->offset + range->bytes <= offset) range = range->next;
     take_out(*range);
     if (range->offset < offset) {
       cut(*range, offset - range->offset);
       put_in(*range);
-      ++range;
+      range = range->next;
       take_out(*range);
     }
     if (range->bytes > block.bytes) cut(*range, block.bytes);
@@ -119,17 +123,20 @@ class chunk_allocator {
   /// Returns empty chunks to the resource, all but the `keep` oldest of them.
   void release_empty(std::size_t keep) noexcept {
     for (std::size_t i = 0; empty_chunks_ > keep && i < chunks_.size();) {
-      detail::chunk& c = *chunks_[chunks_.size() - 1 - i];  // the youngest first
-      if (c.blocks != 0) {
+      const std::size_t at = chunks_.size() - 1 - i;  // the youngest first
+      detail::chunk* const c = chunks_[at];
+      if (c->blocks != 0) {
         ++i;
         continue;
       }
       --empty_chunks_;
-      take_out(c.ranges.front());
-      spares_.splice(spares_.begin(), c.ranges);
-      reserved_bytes_ -= c.bytes;
-      resource_->deallocate(c.data, c.bytes, alignment);
-      chunks_.erase(chunks_.end() - 1 - static_cast<std::ptrdiff_t>(i));
+      take_out(*c->first);
+      give_up_ranges(*c);
+      reserved_bytes_ -= c->bytes;
+      resource_->deallocate(c->data, c->bytes, alignment);
+      delete c;
+      for (std::size_t j = at; j + 1 < chunks_.size(); ++j) chunks_[j] = chunks_[j + 1];
+      chunks_.pop_back();
     }
   }
 
@@ -137,7 +144,7 @@ class chunk_allocator {
   /// `refused` more, for no more than it gets back.
   bool empty_chunks_suffice(std::size_t bytes, bool refused) const {
     std::size_t empty = 0;
-    for (const auto& c : chunks_) empty += c->blocks == 0 ? c->bytes : 0;
+    for (const detail::chunk* c : chunks_) empty += c->blocks == 0 ? c->bytes : 0;
     return empty > 0 && (refused ? 0 : limit_ - reserved_bytes_) + empty >= align_up(bytes, alignment);
   }
   /// Whether nothing else is in the chunk of a block that was given back.
@@ -153,49 +160,62 @@ class chunk_allocator {
 
  private:
   static constexpr std::size_t unlimited = static_cast<std::size_t>(-1);
-  using range_iterator = std::list<detail::chunk_range>::iterator;
 
-  /// Makes bookkeeping for `n` more ranges.
-  void reserve_spares(std::size_t n) {
-    while (spares_.size() < n) {
-      std::list<detail::chunk_range> made(1);
-      detail::chunk_range* range = &made.front();
-      detail::chunk_range_set maker;
-      maker.insert(range);
-      range->node = maker.extract(maker.begin());
-      spares_.splice(spares_.begin(), made);
+  /// Makes bookkeeping for one more range, and room for it among the free ones: giving memory back then never allocates.
+  void reserve_spare() {
+    if (spares_ != nullptr) return;
+    free_.reserve(range_count_ + 1);
+    spares_ = new detail::chunk_range;
+    ++range_count_;
+  }
+  detail::chunk_range* take_spare() noexcept {
+    detail::chunk_range* const range = spares_;
+    spares_ = range->next;
+    return range;
+  }
+  void give_up(detail::chunk_range& range) noexcept {
+    range.next = spares_;
+    spares_ = &range;
+  }
+  void give_up_ranges(detail::chunk& c) noexcept {
+    for (detail::chunk_range* range = c.first; range != nullptr;) {
+      detail::chunk_range& gone = *range;
+      range = range->next;
+      give_up(gone);
     }
+    c.first = nullptr;
   }
-  detail::chunk_range& add_range(detail::chunk& c, range_iterator before, std::size_t offset,
+  /// \param previous  null: the first of the chunk
+  detail::chunk_range& add_range(detail::chunk& c, detail::chunk_range* previous, std::size_t offset,
                                  std::size_t bytes) noexcept {
-    const auto range = spares_.begin();
-    c.ranges.splice(before, spares_, range);
-    range->owner = &c;
-    range->offset = offset;
-    range->bytes = bytes;
-    range->free = false;
-    range->self = range;
-    return *range;
+    detail::chunk_range& range = *take_spare();
+    detail::chunk_range*& link = previous != nullptr ? previous->next : c.first;
+    range = {&c, offset, bytes, false, previous, link};
+    if (link != nullptr) link->previous = &range;
+    link = &range;
+    return range;
   }
-  /// Shortens a range that is not in the set; what is left over becomes a free range behind it.
+  /// Shortens a range that is not among the free ones; what is left over becomes a free range behind it.
   void cut(detail::chunk_range& range, std::size_t bytes) noexcept {
-    put_in(add_range(*range.owner, std::next(range.self), range.offset + bytes, range.bytes - bytes));
+    put_in(add_range(*range.owner, &range, range.offset + bytes, range.bytes - bytes));
     range.bytes = bytes;
   }
-  void absorb(detail::chunk& c, range_iterator range, range_iterator neighbour) noexcept {
-    take_out(*neighbour);
-    if (neighbour->offset < range->offset) range->offset = neighbour->offset;
-    range->bytes += neighbour->bytes;
-    spares_.splice(spares_.begin(), c.ranges, neighbour);
+  /// The free neighbour becomes a part of the range.
+  void absorb(detail::chunk_range& range, detail::chunk_range& neighbour) noexcept {
+    take_out(neighbour);
+    if (neighbour.offset < range.offset) range.offset = neighbour.offset;
+    range.bytes += neighbour.bytes;
+    (neighbour.previous != nullptr ? neighbour.previous->next : range.owner->first) = neighbour.next;
+    if (neighbour.next != nullptr) neighbour.next->previous = neighbour.previous;
+    give_up(neighbour);
   }
   void put_in(detail::chunk_range& range) noexcept {
     range.free = true;
-    range.node.value() = &range;
-    free_.insert(std::move(range.node));
+    free_.insert(range);
   }
   void take_out(detail::chunk_range& range) noexcept {
     range.free = false;
-    range.node = free_.extract(free_.find(&range));
+    free_.erase(range);
   }
   chunk_block hand_out(detail::chunk_range& range) noexcept {
     used_bytes_ += range.bytes;
@@ -208,9 +228,11 @@ class chunk_allocator {
   std::size_t chunk_bytes_, limit_;
   std::size_t reserved_bytes_ = 0, peak_bytes_ = 0, used_bytes_ = 0;
   std::size_t block_count_ = 0, next_number_ = 0, empty_chunks_ = 0;
-  detail::chunk_range_set free_;
-  std::list<detail::chunk_range> spares_;
-  std::vector<std::unique_ptr<detail::chunk>> chunks_;
+  std::size_t range_count_ = 0;  ///< in chunks and spare
+  detail::free_ranges free_;
+  detail::chunk_range* spares_ = nullptr;
+  detail::chunk* spare_chunk_ = nullptr;
+  plain_vector<detail::chunk*> chunks_;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -6,48 +6,73 @@
 /// What chunk_allocator knows of its memory: chunks, the pieces that they are cut into, the free ones by size.
 
 #include <cstddef>
-#include <list>
-#include <set>
-#include <tuple>
 
 #include "../config.hpp"
+#include "../plain_vector.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 struct chunk;
-struct chunk_range;
 
-/// Orders ranges by size, then by age of the chunk, then by address: the first that is not smaller is the best fit.
-struct chunk_range_less {
-  using is_transparent = void;
-  inline bool operator()(const chunk_range* a, const chunk_range* b) const;
-  inline bool operator()(const chunk_range* a, std::size_t bytes) const;
-};
-using chunk_range_set = std::set<chunk_range*, chunk_range_less>;
-
-/// A piece of a chunk, free or not. Its node of the set of free ranges is kept here while it is not in the set, so that
-/// giving memory back never allocates and never throws.
+/// A piece of a chunk, free or not.
 struct chunk_range {
   chunk* owner = nullptr;
   std::size_t offset = 0, bytes = 0;
   bool free = false;
-  std::list<chunk_range>::iterator self;
-  chunk_range_set::node_type node;
+  chunk_range *previous = nullptr, *next = nullptr;  ///< in the chunk, by address; `next` also links spare ones
 };
 
 struct chunk {
-  std::byte* data;
-  std::size_t bytes;
-  std::size_t number;             ///< ascending by age
-  std::size_t blocks = 0;         ///< handed out
-  std::list<chunk_range> ranges;  ///< by address, without gaps
+  std::byte* data = nullptr;
+  std::size_t bytes = 0;
+  std::size_t number = 0;        ///< ascending by age
+  std::size_t blocks = 0;        ///< handed out
+  chunk_range* first = nullptr;  ///< its ranges have no gaps
 };
 
-bool chunk_range_less::operator()(const chunk_range* a, const chunk_range* b) const {
-  return std::tie(a->bytes, a->owner->number, a->offset) < std::tie(b->bytes, b->owner->number, b->offset);
-}
-bool chunk_range_less::operator()(const chunk_range* a, std::size_t bytes) const { return a->bytes < bytes; }
+/// Free ranges by size, then by age of the chunk, then by address: the first that is not smaller is the best fit. Few
+/// enough to be kept in a sorted array: O(log n) comparisons, and pointers that move up by one.
+class free_ranges {
+ public:
+  /// Room for `n` of them: the only thing that throws.
+  void reserve(std::size_t n) {
+    if (n > sorted_.capacity()) sorted_.reserve(2 * n);
+  }
+  std::size_t size() const { return sorted_.size(); }
+  /// The smallest of at least `bytes`, or null.
+  chunk_range* best_fit(std::size_t bytes) const {
+    const std::size_t at = first_not_before(bytes, 0, 0);
+    return at < sorted_.size() ? sorted_[at] : nullptr;
+  }
+  void insert(chunk_range& r) noexcept {
+    const std::size_t at = first_not_before(r.bytes, r.owner->number, r.offset);
+    sorted_.push_back(&r);
+    for (std::size_t i = sorted_.size() - 1; i > at; --i) sorted_[i] = sorted_[i - 1];
+    sorted_[at] = &r;
+  }
+  void erase(const chunk_range& r) noexcept {
+    std::size_t at = first_not_before(r.bytes, r.owner->number, r.offset);
+    for (; at + 1 < sorted_.size(); ++at) sorted_[at] = sorted_[at + 1];
+    sorted_.pop_back();
+  }
+
+ private:
+  std::size_t first_not_before(std::size_t bytes, std::size_t number, std::size_t offset) const {
+    std::size_t begin = 0, end = sorted_.size();
+    while (begin < end) {
+      const std::size_t middle = begin + (end - begin) / 2;
+      const chunk_range& r = *sorted_[middle];
+      const bool before = r.bytes != bytes ? r.bytes < bytes
+                                           : (r.owner->number != number ? r.owner->number < number : r.offset < offset);
+      (before ? begin : end) = before ? middle + 1 : middle;
+    }
+    return begin;
+  }
+
+  plain_vector<chunk_range*> sorted_;
+};
+
 }  // namespace detail
 
 /// A block that chunk_allocator handed out.

@@ -11,10 +11,10 @@
 #include <limits>
 #include <type_traits>
 #include <utility>
-#include <vector>
 
 #include "../config.hpp"
 #include "../error.hpp"
+#include "../plain_vector.hpp"
 #include "../traits.hpp"
 #include "../types.hpp"
 #include "keyframe_view.hpp"
@@ -24,9 +24,9 @@ namespace turbomap {
 /// Host arrays that gather() fills; used again for the next keyframe.
 template <class Descriptor, class Camera>
 struct keyframe_buffer {
-  std::vector<keypoint> keypoints;
-  std::vector<typename Descriptor::element> descriptors;
-  std::vector<rig_camera<Camera>> cameras;
+  plain_vector<keypoint> keypoints;
+  plain_vector<typename Descriptor::element> descriptors;
+  plain_vector<rig_camera<Camera>> cameras;
 };
 
 }  // namespace turbomap
@@ -40,7 +40,7 @@ using keyframe_camera_t =
 
 /// What keypoints span, as whole pixels; [0, 1) without keypoints. Keypoints that are not finite are left to
 /// validate().
-inline image_bounds bounds_of(const std::vector<keypoint>& keypoints) {
+inline image_bounds bounds_of(span<const keypoint> keypoints) {
   if (keypoints.empty()) return {0, 0, 1, 1};
   image_bounds b{keypoints[0].x, keypoints[0].y, keypoints[0].x, keypoints[0].y};
   for (const keypoint& k : keypoints) {

@@ -5,7 +5,6 @@
 /// \file
 /// What a thread needs to bring one keyframe into a store, lent to as many threads as insert at once.
 
-#include <list>
 #include <memory_resource>
 #include <mutex>
 
@@ -23,6 +22,7 @@ struct insertion_lane {
   transfer_lane<Memory> transfer;
   keyframe_packing_scratch scratch;
   keyframe_buffer<Descriptor, Camera> buffer;
+  insertion_lane* next = nullptr;  ///< idle one
 };
 
 /// Lanes that are idle, to be used again: never more than threads that have inserted at the same time. Thread safe.
@@ -32,6 +32,11 @@ class insertion_lanes {
   using lane_type = insertion_lane<Descriptor, Camera, Memory>;
 
   explicit insertion_lanes(std::pmr::memory_resource* staging) : staging_(staging) {}
+  insertion_lanes(const insertion_lanes&) = delete;
+  insertion_lanes& operator=(const insertion_lanes&) = delete;
+  ~insertion_lanes() {
+    while (idle_ != nullptr) delete take();
+  }
 
   /// One lane for the life of this object. Throws what making a new one throws.
   class loan {
@@ -39,28 +44,35 @@ class insertion_lanes {
     explicit loan(insertion_lanes& lanes) : lanes_(lanes) {
       {
         const std::lock_guard<std::mutex> lock(lanes.mutex_);
-        if (!lanes.idle_.empty()) mine_.splice(mine_.begin(), lanes.idle_, lanes.idle_.begin());
+        if (lanes.idle_ != nullptr) mine_ = lanes.take();
       }
-      if (mine_.empty()) mine_.emplace_back(lanes.staging_);
+      if (mine_ == nullptr) mine_ = new lane_type(lanes.staging_);
     }
     loan(const loan&) = delete;
     loan& operator=(const loan&) = delete;
     ~loan() {
       const std::lock_guard<std::mutex> lock(lanes_.mutex_);
-      lanes_.idle_.splice(lanes_.idle_.begin(), mine_);
+      mine_->next = lanes_.idle_;
+      lanes_.idle_ = mine_;
     }
-    lane_type& operator*() { return mine_.front(); }
-    lane_type* operator->() { return &mine_.front(); }
+    lane_type& operator*() { return *mine_; }
+    lane_type* operator->() { return mine_; }
 
    private:
     insertion_lanes& lanes_;
-    std::list<lane_type> mine_;
+    lane_type* mine_ = nullptr;
   };
 
  private:
+  lane_type* take() noexcept {
+    lane_type* const first = idle_;
+    idle_ = first->next;
+    return first;
+  }
+
   std::pmr::memory_resource* staging_;
   std::mutex mutex_;
-  std::list<lane_type> idle_;
+  lane_type* idle_ = nullptr;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -10,11 +10,11 @@
 #include <cstdint>
 #include <cstring>
 #include <type_traits>
-#include <vector>
 
 #include "../config.hpp"
 #include "../math/linear.hpp"
 #include "../math/strict.hpp"
+#include "../plain_vector.hpp"
 #include "cell_index.hpp"
 #include "keyframe_layout.hpp"
 #include "keyframe_validation.hpp"
@@ -25,10 +25,10 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// What one packing hands to the next: memory, and the measures of the cameras.
 struct keyframe_packing_scratch {
-  std::vector<std::uint64_t> by_group;  ///< group << 32 | keypoint, ascending
-  std::vector<std::uint64_t> sorting;   ///< of by_group
-  std::vector<std::int32_t> cell;       ///< of each keypoint
-  image_bounds image;                   ///< the bounds, widened to all keypoints
+  plain_vector<std::uint64_t> by_group;  ///< group << 32 | keypoint, ascending
+  plain_vector<std::uint64_t> sorting;   ///< of by_group
+  plain_vector<std::int32_t> cell;       ///< of each keypoint
+  image_bounds image;                    ///< the bounds, widened to all keypoints
   measured_cameras cameras;
 };
 
@@ -36,7 +36,7 @@ namespace detail {
 
 /// Sorts by the upper half, of which only the bytes that differ cost a pass; ascending lower halves stay in order.
 /// O(N).
-inline void sort_by_group(std::vector<std::uint64_t>& values, std::vector<std::uint64_t>& other) {
+inline void sort_by_group(plain_vector<std::uint64_t>& values, plain_vector<std::uint64_t>& other) {
   constexpr int digits = 4, radix = 256;
   std::uint32_t starts[digits][radix] = {};
   for (const std::uint64_t v : values)
@@ -116,7 +116,7 @@ struct index_writer {
 /// Counting sort within the block itself: counts, then starts of cells, then each keypoint moves its cell's start on,
 /// which leaves the ends, which are the starts shifted by one.
 template <class Index>
-void pack_cells(const keyframe_layout& layout, const keypoint* keypoints, std::vector<std::int32_t>& cell,
+void pack_cells(const keyframe_layout& layout, const keypoint* keypoints, plain_vector<std::int32_t>& cell,
                 std::byte* block) {
   Index* offsets = array_at<Index>(block, layout.cell_offsets);
   Index* members = array_at<Index>(block, layout.cell_keypoints);
@@ -141,7 +141,7 @@ void pack_cells(const keyframe_layout& layout, const keypoint* keypoints, std::v
   offsets[0] = 0;
 }
 
-inline void pack_groups(const keyframe_layout& layout, const std::vector<std::uint64_t>& by_group, std::byte* block) {
+inline void pack_groups(const keyframe_layout& layout, const plain_vector<std::uint64_t>& by_group, std::byte* block) {
   auto* ids = array_at<std::uint32_t>(block, layout.group_ids);
   const index_writer offsets{block + layout.group_offsets, layout.wide};
   const index_writer members{block + layout.group_keypoints, layout.wide};

@@ -12,11 +12,11 @@
 #include <mutex>
 #include <string>
 #include <type_traits>
-#include <vector>
 
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../memory.hpp"
+#include "../plain_vector.hpp"
 #include "../slot_table.hpp"
 #include "../span.hpp"
 #include "../traits.hpp"
@@ -130,7 +130,7 @@ class keyframe_store {
 
  private:
   friend class pinned_keyframes<Descriptor, Camera, Memory>;
-  using record_iterator = typename pin_records<Descriptor, Camera, Memory>::iterator;
+  using record_type = pin_record<Descriptor, Camera, Memory>;
   using loan = typename insertion_lanes<Descriptor, Camera, Memory>::loan;
 
   /// A slot with a block that nobody else sees yet; undone unless published.
@@ -190,7 +190,7 @@ class keyframe_store {
     poll();
     for (std::size_t i = 0; i < handles.size(); ++i)
       if (!alive(handles[i])) require_alive(handles[i], ("handles[" + std::to_string(i) + "]").c_str());
-    const record_iterator record = pins_.idle(handles.size());
+    record_type* const record = pins_.idle(handles.size());
     for (std::size_t i = 0; i < handles.size(); ++i) record->slots[i] = handles[i].slot;
     waiting_for_room([&] { blocks_.pin(record->slots); });
     for (std::size_t i = 0; i < handles.size(); ++i) {
@@ -201,7 +201,7 @@ class keyframe_store {
     return pinned_type(this, record, order);
   }
 
-  void release(record_iterator record, work_order<Memory> order) noexcept {
+  void release(record_type* record, work_order<Memory> order) noexcept {
     record->done.record(order);
     const std::lock_guard<std::mutex> lock(mutex_);
     pins_.give_up(record, [this](std::uint32_t slot) { unpin(slot); });
@@ -247,7 +247,7 @@ class keyframe_store {
   mutable std::mutex mutex_;
   slot_table slots_;
   block_cache<Memory> blocks_;
-  std::vector<keyframe_layout> layouts_;  // by slot
+  plain_vector<keyframe_layout> layouts_;  // by slot
   pin_records<Descriptor, Camera, Memory> pins_;
   insertion_lanes<Descriptor, Camera, Memory> lanes_;
   std::uint64_t uploads_ = 0;

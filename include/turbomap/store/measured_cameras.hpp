@@ -13,6 +13,7 @@
 #include "../camera/measure_resolution.hpp"
 #include "../camera/resolution_profile.hpp"
 #include "../config.hpp"
+#include "../plain_vector.hpp"
 #include "../types.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -64,7 +65,7 @@ class measured_cameras {
   }
 
   struct entry {
-    std::vector<std::byte> camera;  // bytes: a difference in padding only measures once more
+    plain_vector<std::byte> camera;  // bytes: a difference in padding only measures once more
     image_bounds image;
     resolution_profile profile;
     resolution_profile other;

@@ -7,10 +7,9 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <list>
-#include <vector>
 
 #include "../config.hpp"
+#include "../plain_vector.hpp"
 #include "keyframe_view.hpp"
 #include "memory_space.hpp"
 
@@ -19,10 +18,43 @@ TURBOMAP_BEGIN_NAMESPACE
 /// One pin.
 template <class Descriptor, class Camera, class Memory>
 struct pin_record {
-  std::vector<std::uint32_t> slots;
-  std::vector<keyframe_view<Descriptor, Camera>> views;
+  plain_vector<std::uint32_t> slots;
+  plain_vector<keyframe_view<Descriptor, Camera>> views;
   fence<Memory> done;
+  pin_record *previous = nullptr, *next = nullptr;  ///< of the chain that it is in
 };
+
+namespace detail {
+
+/// Records one after the other, linked through themselves. Owns them.
+template <class Record>
+class record_chain {
+ public:
+  record_chain() = default;
+  record_chain(const record_chain&) = delete;
+  record_chain& operator=(const record_chain&) = delete;
+  ~record_chain() {
+    while (first_ != nullptr) delete take(*first_);
+  }
+  Record* first() const { return first_; }
+  Record* last() const { return last_; }
+  void append(Record* r) noexcept {
+    r->previous = last_, r->next = nullptr;
+    (last_ != nullptr ? last_->next : first_) = r;
+    last_ = r;
+  }
+  /// Its owner is the caller from now on.
+  Record* take(Record& r) noexcept {
+    (r.previous != nullptr ? r.previous->next : first_) = r.next;
+    (r.next != nullptr ? r.next->previous : last_) = r.previous;
+    return &r;
+  }
+
+ private:
+  Record *first_ = nullptr, *last_ = nullptr;
+};
+
+}  // namespace detail
 
 /// Life of a record: idle() -> hold() -> give_up() -> finished, and again, so that pinning allocates nothing in the steady
 /// state. Not thread safe.
@@ -30,51 +62,57 @@ template <class Descriptor, class Camera, class Memory>
 class pin_records {
  public:
   using record_type = pin_record<Descriptor, Camera, Memory>;
-  using iterator = typename std::list<record_type>::iterator;
 
   /// An idle record with `n` slots and views. Throws std::bad_alloc.
-  iterator idle(std::size_t n) {
-    if (idle_.empty()) idle_.emplace_back();
-    idle_.front().slots.resize(n);
-    idle_.front().views.resize(n);
-    return idle_.begin();
+  record_type* idle(std::size_t n) {
+    if (idle_.last() == nullptr) idle_.append(new record_type);
+    record_type* const record = idle_.last();  // the one that was used last
+    record->slots.resize(n);
+    record->views.resize(n);
+    return record;
   }
-  void hold(iterator record) noexcept { active_.splice(active_.end(), idle_, record); }
+  void hold(record_type* record) noexcept {
+    active_.append(idle_.take(*record));
+    ++count_;
+  }
   /// Its fence has been recorded: finishes it if its work is done.
   template <class Unpin>
-  void give_up(iterator record, Unpin unpin) noexcept {
-    pending_.splice(pending_.end(), active_, record);
+  void give_up(record_type* record, Unpin unpin) noexcept {
+    pending_.append(active_.take(*record));
     if (record->done.passed()) finish(record, unpin);
   }
   /// Calls unpin(slot) for the slots of every record whose work is done.
   template <class Unpin>
   void finish_passed(Unpin unpin) noexcept {
-    for (auto record = pending_.begin(); record != pending_.end();) {
-      const auto current = record++;
+    for (record_type* record = pending_.first(); record != nullptr;) {
+      record_type* const current = record;
+      record = record->next;
       if (current->done.passed()) finish(current, unpin);
     }
   }
   /// Waits for the work of the oldest record that was given up, and finishes it.
   template <class Unpin>
   void finish_oldest(Unpin unpin) {
-    pending_.front().done.wait();
-    finish(pending_.begin(), unpin);
+    pending_.first()->done.wait();
+    finish(pending_.first(), unpin);
   }
   void wait() {
-    for (auto& record : pending_) record.done.wait();
+    for (record_type* record = pending_.first(); record != nullptr; record = record->next) record->done.wait();
   }
 
-  bool any_given_up() const { return !pending_.empty(); }
-  std::size_t count() const { return active_.size() + pending_.size(); }
+  bool any_given_up() const { return pending_.first() != nullptr; }
+  std::size_t count() const { return count_; }
 
  private:
   template <class Unpin>
-  void finish(iterator record, Unpin& unpin) noexcept {
+  void finish(record_type* record, Unpin& unpin) noexcept {
     for (const std::uint32_t slot : record->slots) unpin(slot);
-    idle_.splice(idle_.begin(), pending_, record);
+    idle_.append(pending_.take(*record));
+    --count_;
   }
 
-  std::list<record_type> active_, pending_, idle_;
+  detail::record_chain<record_type> active_, pending_, idle_;
+  std::size_t count_ = 0;  ///< active and pending
 };
 
 TURBOMAP_END_NAMESPACE

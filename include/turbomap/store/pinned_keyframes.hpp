@@ -70,16 +70,16 @@ class pinned_keyframes {
  private:
   friend class keyframe_store<Descriptor, Camera, Memory>;
   using store_type = keyframe_store<Descriptor, Camera, Memory>;
-  using record_iterator = typename pin_records<Descriptor, Camera, Memory>::iterator;
+  using record_type = pin_record<Descriptor, Camera, Memory>;
 
-  pinned_keyframes(store_type* store, record_iterator record, work_order<Memory> order)
+  pinned_keyframes(store_type* store, record_type* record, work_order<Memory> order)
       : store_(store), record_(record), order_(order) {}
   void release() noexcept {
     if (store_ != nullptr) std::exchange(store_, nullptr)->release(record_, order_);
   }
 
   store_type* store_;
-  record_iterator record_;
+  record_type* record_;
   work_order<Memory> order_;
 };
 

@@ -7,9 +7,9 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "../config.hpp"
+#include "../plain_vector.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -41,7 +41,7 @@ class use_order {
   struct link {
     std::uint32_t previous = none, next = none;
   };
-  std::vector<link> links_;
+  plain_vector<link> links_;
   std::uint32_t first_ = none, last_ = none;
 };
 

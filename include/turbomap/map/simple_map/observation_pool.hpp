@@ -9,8 +9,8 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
+#include "../../plain_vector.hpp"
 #include "../../span.hpp"
 
 namespace turbomap {
@@ -110,8 +110,8 @@ class observation_pool {
     std::size_t& operator[](int i) { return at[i]; }
   };
 
-  std::vector<observation> elements_;
-  std::vector<block> lists_;
+  plain_vector<observation> elements_;
+  plain_vector<block> lists_;
   heads free_;
 };
 

@@ -15,6 +15,7 @@
 
 #include "../../config.hpp"
 #include "../../error.hpp"
+#include "../../plain_vector.hpp"
 #include "../../span.hpp"
 #include "../../types.hpp"
 #include "../map_traits.hpp"
@@ -44,8 +45,8 @@ class simple_map {
       require(keypoints[i].octave < levels_, "keypoints[].octave", static_cast<int>(keypoints[i].octave),
               "is not a level of the map's pyramid");
     if (previous != map_keyframe_id{}) check(previous);
-    std::vector<keypoint> copy(keypoints.data(), keypoints.data() + keypoints.size());
-    std::vector<std::int32_t> slots(keypoints.size(), none);
+    plain_vector<keypoint> copy(keypoints.data(), keypoints.data() + keypoints.size());
+    plain_vector<std::int32_t> slots(keypoints.size(), none);
     grow(keyframes_, keyframe_places_.size() + 1);
     const std::int32_t k = keyframe_places_.take();
     if (static_cast<std::size_t>(k) == keyframes_.size()) keyframes_.emplace_back();
@@ -68,7 +69,7 @@ class simple_map {
     const std::int32_t p = point_places_.take();
     const auto at = static_cast<std::size_t>(p);
     if (at == points_.size()) {
-      positions_.emplace_back(), normals_.emplace_back(), ranges_.emplace_back(), points_.emplace_back();
+      positions_.push_back({}), normals_.push_back({}), ranges_.push_back({}), points_.push_back({});
       descriptors_.resize(descriptors_.size() + elements);
       counts_.resize(counts_.size() + levels_);
     }
@@ -133,8 +134,8 @@ class simple_map {
   static constexpr auto elements = static_cast<std::size_t>(Descriptor::elements);
 
   struct keyframe_entry {
-    std::vector<keypoint> keypoints;
-    std::vector<std::int32_t> slots;  ///< one per keypoint: its point or none
+    plain_vector<keypoint> keypoints;
+    plain_vector<std::int32_t> slots;  ///< one per keypoint: its point or none
     rigid_transform<double> T_cw;
     double time_s = 0;
     std::uint64_t id = 0;
@@ -151,8 +152,8 @@ class simple_map {
   };
 
   /// Room for `size` elements: what follows does not throw.
-  template <class T>
-  static void grow(std::vector<T>& v, std::size_t size) {
+  template <class List>
+  static void grow(List& v, std::size_t size) {
     if (v.capacity() < size) v.reserve(std::max(size, 2 * v.capacity()));
   }
   void check(map_keyframe_id k) const {
@@ -178,12 +179,12 @@ class simple_map {
   plain_detail::place_list keyframe_places_, point_places_;
   std::vector<keyframe_entry> keyframes_;
   // Points: one entry each, by index.
-  std::vector<vec3<double>> positions_;
-  std::vector<vec3<float>> normals_;
-  std::vector<range> ranges_;
-  std::vector<element> descriptors_;
-  std::vector<std::uint32_t> counts_;  ///< [point][octave]
-  std::vector<point_entry> points_;
+  plain_vector<vec3<double>> positions_;
+  plain_vector<vec3<float>> normals_;
+  plain_vector<range> ranges_;
+  plain_vector<element> descriptors_;
+  plain_vector<std::uint32_t> counts_;  ///< [point][octave]
+  plain_vector<point_entry> points_;
   observation_pool observations_;
 };
 
