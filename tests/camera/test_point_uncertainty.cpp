@@ -49,7 +49,7 @@ Eigen::Matrix3d to_eigen(const symmetric3<S>& A) {
 }
 
 template <class S, class Camera>
-symmetric3<S> covariance(const std::vector<oracle_view<Camera>>& views, const Eigen::Vector3d& X) {
+symmetric3<S> covariance(const std::vector<uncertainty_view<Camera>>& views, const Eigen::Vector3d& X) {
   symmetric3<S> information;
   double distance = 0;
   for (const auto& v : views) {
@@ -73,7 +73,7 @@ double apart(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
 template <class Camera>
 struct case_of {
   const char* name;
-  std::vector<oracle_view<Camera>> views;
+  std::vector<uncertainty_view<Camera>> views;
   Eigen::Vector3d X;
 };
 template <class Camera>
@@ -120,7 +120,7 @@ void check_oracle(const std::vector<case_of<Camera>>& cases) {
     const Eigen::Matrix3d strict = to_eigen(covariance<decision>(c.views, c.X));
     CHECK((strict - expected).norm() < 1e-6 * size);
     CHECK((strict - to_eigen(covariance<double>(c.views, c.X))).norm() < 1e-11 * size);
-    std::vector<oracle_view<no_derivative<Camera>>> bare;
+    std::vector<uncertainty_view<no_derivative<Camera>>> bare;
     for (const auto& v : c.views) bare.push_back({{v.camera}, v.T_cw, v.bf, v.sigma2, v.correlation});
     CHECK((to_eigen(covariance<double>(bare, c.X)) - expected).norm() < 1e-6 * size);
     CHECK((to_eigen(covariance<decision>(bare, c.X)) - expected).norm() < 1e-6 * size);
@@ -129,7 +129,7 @@ void check_oracle(const std::vector<case_of<Camera>>& cases) {
 
 /// The maximum-likelihood point of noisy pixels, by Gauss and Newton's method from the truth.
 template <class Camera>
-Eigen::Vector3d estimate(const std::vector<oracle_view<Camera>>& views, const std::vector<Eigen::VectorXd>& seen,
+Eigen::Vector3d estimate(const std::vector<uncertainty_view<Camera>>& views, const std::vector<Eigen::VectorXd>& seen,
                          Eigen::Vector3d X) {
   for (int step = 0; step < 5; ++step) {
     Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
@@ -153,7 +153,7 @@ Eigen::VectorXd draw(const Eigen::MatrixXd& covariance, std::mt19937& random) {
 /// Points estimated from noisy pixels scatter as the covariance says, and a gate with it lets 95 % of true pixels of another
 /// camera pass. `scale` of the noise: first-order propagation is for small errors.
 template <class Camera>
-void check_monte_carlo(const std::vector<case_of<Camera>>& cases, const oracle_view<Camera>& other, double scale) {
+void check_monte_carlo(const std::vector<case_of<Camera>>& cases, const uncertainty_view<Camera>& other, double scale) {
   constexpr int samples = 4000;
   std::mt19937 random(11);
   for (auto c : cases) {
@@ -168,7 +168,7 @@ void check_monte_carlo(const std::vector<case_of<Camera>>& cases, const oracle_v
       const Eigen::Vector3d X = estimate(c.views, seen, c.X);
       scatter += (X - c.X) * (X - c.X).transpose() / samples;
 
-      oracle_view<Camera> o = other;
+      uncertainty_view<Camera> o = other;
       o.sigma2 *= scale * scale;
       const Eigen::VectorXd e = o(c.X) + draw(o.noise(), random) - o(X);
       turbomap::projected_point<double> p;
@@ -208,7 +208,7 @@ TEST_CASE("a point whose views leave its distance open is known to within it") {
   const pinhole_camera c = pinhole_rig().cameras[0].camera;
   const oracle_pose a = looking(0, 0, 0), b = looking(0, 0, 0.1);
   const Eigen::Vector3d X(0, 0, 4);
-  for (const auto& views : {std::vector<oracle_view<pinhole_camera>>{{c, a}}, {{c, a}, {c, b}, {c, a}}}) {
+  for (const auto& views : {std::vector<uncertainty_view<pinhole_camera>>{{c, a}}, {{c, a}, {c, b}, {c, a}}}) {
     const Eigen::Matrix3d Sigma = to_eigen(covariance<double>(views, X));
     CHECK(std::sqrt(Sigma(2, 2)) == doctest::Approx(4).epsilon(1e-3));
     CHECK(std::sqrt(Sigma(0, 0)) < 4.0 / 458);
@@ -235,7 +235,7 @@ TEST_CASE("an exact point leaves the pixel's own noise; covariances rounded to f
   const auto L = spread_of_difference(symmetric3<double>{}, true, 1.44, 0.5);
   const vec3<double> e{1, 2, -1}, w = turbomap::solve_lower(L, e);
   const Eigen::Vector3d d(1, 2, -1);
-  oracle_view<pinhole_camera> v;
+  uncertainty_view<pinhole_camera> v;
   v.bf = 1, v.sigma2 = 1.44, v.correlation = 0.5;
   CHECK(turbomap::squared_norm(w) == doctest::Approx(d.dot(v.noise().inverse() * d)));
   const auto mono = spread_of_difference(symmetric3<double>{}, false, 1.44, 0.5);

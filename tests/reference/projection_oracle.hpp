@@ -119,7 +119,7 @@ oracle_trial<Descriptor> oracle_projection(const turbomap::map_point_view<Descri
 
   // Of a point with a covariance: derivatives are numeric, so comparisons are closer calls.
   const bool uncertain = !Sigma.isZero(0);
-  oracle_view<Camera> seen{mounted.camera, T, stereo_camera ? mounted.bf : 0.0};
+  uncertainty_view<Camera> seen{mounted.camera, T, stereo_camera ? mounted.bf : 0.0};
   seen.sigma2 = oracle_sigma2(options.scales, level < 0 ? options.window_octave : level);
   const double numeric = uncertain ? 1e4 : 1;
   Eigen::Vector2d window(radius, radius);

@@ -16,7 +16,7 @@ namespace turbomap_test {
 
 /// One view of a point.
 template <class Camera>
-struct oracle_view {
+struct uncertainty_view {
   Camera camera;
   oracle_pose T_cw;
   double bf = 0;  ///< 0: no u_right
@@ -52,7 +52,7 @@ struct oracle_view {
 
 /// The inverse of the sum of all views' information, and that a point lies within its own distance of the farthest camera.
 template <class Camera>
-Eigen::Matrix3d oracle_point_covariance(const std::vector<oracle_view<Camera>>& views, const Eigen::Vector3d& X) {
+Eigen::Matrix3d oracle_point_covariance(const std::vector<uncertainty_view<Camera>>& views, const Eigen::Vector3d& X) {
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
   double distance = 0;
   for (const auto& v : views) {
@@ -66,7 +66,8 @@ Eigen::Matrix3d oracle_point_covariance(const std::vector<oracle_view<Camera>>& 
 
 /// Covariance of the difference between a pixel of the view and the projection of a point known to Sigma.
 template <class Camera>
-Eigen::MatrixXd oracle_spread(const oracle_view<Camera>& view, const Eigen::Vector3d& X, const Eigen::Matrix3d& Sigma) {
+Eigen::MatrixXd oracle_spread(const uncertainty_view<Camera>& view, const Eigen::Vector3d& X,
+                              const Eigen::Matrix3d& Sigma) {
   const Eigen::MatrixXd J = view.derivative(X);
   return view.noise() + J * Sigma * J.transpose();
 }
