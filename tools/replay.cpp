@@ -108,6 +108,11 @@ int main(int argc, char** argv) try {
   app.add_option("--candidates", a.candidates, "what the search compares with (replay mode)")
       ->check(CLI::IsMember({"exhaustive", "ordered", "grouped"}));
   app.add_flag("--serial-fusion", a.serial_fusion, "fuse camera by camera, each search after the commit before it");
+  std::string associate = "recorded";
+  app.add_option("--associate", associate,
+                 "where keypoints get points of the map from: the recorded associations, or those and the local map, "
+                 "projected into the keyframe")
+      ->check(CLI::IsMember({"recorded", "projected"}));
   app.add_flag("--queue", a.queue, "keyframes come in recorded time: stages are skipped while one waits");
   app.add_option("--precision", a.numbers, "what adjustments compute in")
       ->check(CLI::IsMember({"float64", "mixed", "float32"}));
@@ -129,6 +134,7 @@ int main(int argc, char** argv) try {
     throw;
   }
   if (!stages.empty()) choose_stages(stages, a);
+  a.projected = associate == "projected";
   if (a.recording.empty()) a.recording = demo_recording(argv[0]);
 
   if (a.beside == std::vector<std::string>{"all"}) a.beside = other_policies(a.policy);

@@ -39,6 +39,7 @@ struct arguments {
   std::string merges = "apart";                    ///< merge_rule: refuse, apart or drop
   std::string numbers = "mixed";                   ///< of adjustments: float64, mixed or float32
   double stereo_correlation = -1;                  ///< of the errors of u and u_right; negative: correlation() knows
+  bool projected = false;                          ///< the local map is looked for in each keyframe, besides
   bool queue = false;                              ///< in recorded time: stages are skipped while keyframes wait
   double deadline_ms = 0;                          ///< per keyframe; 0: none
   std::filesystem::path json, trajectory, report;  ///< outputs; empty: none

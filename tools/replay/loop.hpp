@@ -13,8 +13,10 @@
 #include <turbomap/local_mapper.hpp>
 
 #include "arguments.hpp"
+#include "local_map_search.hpp"
 #include "map_digest.hpp"
 #include "match_judge.hpp"
+#include "points_judge.hpp"
 #include "progress.hpp"
 #include "recorded_keyframes.hpp"
 #include "replayed_map.hpp"
@@ -38,10 +40,13 @@ struct replay_result {
   std::vector<std::uint8_t> alive;
   std::vector<turbomap::vec3<double>> points;
   std::vector<std::int32_t> point_observations;
-  std::size_t associations = 0, associations_kept = 0;  ///< of tracking
-  std::size_t keyframes_left = 0, faults = 0;           ///< faults: of validate() on the final map
-  std::string map_digest;                               ///< of the final map
+  std::size_t associations = 0, associations_kept = 0;        ///< of tracking
+  std::size_t keyframes_left = 0, faults = 0;                 ///< faults: of validate() on the final map
+  std::string map_digest;                                     ///< of the final map
+  std::size_t projected = 0, projected_kept = 0;              ///< associations by projection; not forgotten as outliers
+  std::size_t projected_right = 0, projected_kept_right = 0;  ///< by the simulator's ids
   match_verdict matches;
+  points_verdict true_points;  ///< of a simulated recording
   turbomap::keyframe_store_statistics store;
 };
 
@@ -88,7 +93,9 @@ class replayer {
         store_(recorded_store_options(recording.meta)),
         world_(recording, arguments.adjustment),
         tracker_(ctx_, rig_, recording.meta.pyramid(), arguments.correlation(recording)),
+        local_map_(ctx_),
         judge_(recording, ctx_),
+        points_(recording),
         mapper_(ctx_, world_.map(), store_, mapper_options(recording, arguments), hooks()) {}
   replayer(const replayer&) = delete;
   replayer& operator=(const replayer&) = delete;
@@ -112,6 +119,7 @@ class replayer {
     result_.faults = turbomap::validate(map).size();
     result_.map_digest = map_digest(map);
     result_.matches = judge_.verdict();
+    if (recording_.is_simulated()) result_.true_points = points_.verdict(map);
     result_.store = store_.statistics();
     return std::move(result_);
   }
@@ -129,11 +137,10 @@ class replayer {
     const auto keyframe = world_.add(i, keypoints_);
     mapper_.insert(keyframe, data);
     world_.associate(i);
-    if (arguments_.adjustment) {
-      const double paused = now_ms();
-      tracker_(world_.map(), keyframe);  // tracking's time, not mapping's
-      begin += now_ms() - paused;
-    }
+    const double paused = now_ms();  // tracking's time, not mapping's
+    if (arguments_.adjustment) tracker_(world_.map(), keyframe);
+    if (arguments_.projected) project_local_map(keyframe);
+    begin += now_ms() - paused;
     mapper_.watch(world_.create(i));
     world_.count_tracking(i);
     row.insertion_ms = now_ms() - begin;
@@ -145,6 +152,30 @@ class replayer {
     row.keyframes = world_.map().keyframe_count();
     row.observations = world_.map().observation_count();
     result_.rows.push_back(std::move(row));
+  }
+
+  /// What the recorded associations left out, and the pose again.
+  void project_local_map(turbomap::map_keyframe_id keyframe) {
+    auto& map = world_.map();
+    local_map_options options;
+    options.projection.scales = recording_.meta.pyramid();
+    options.projection.stereo_correlation = arguments_.correlation(recording_);
+    const auto& added = local_map_(map, keyframe, store_, mapper_.stored(), options);
+    const auto right = [&](const auto& a) {
+      if (!recording_.is_simulated()) return false;
+      const auto scene = points_.truth(map, keyframe, a.keypoint);
+      return scene != points_.clutter && scene == points_.truth(map, a.shown, keyframe);
+    };
+    std::vector<bool> is_right;  // before views are forgotten
+    for (const auto& a : added) is_right.push_back(right(a));
+    if (arguments_.adjustment) tracker_(map, keyframe);
+    result_.projected += added.size();
+    for (std::size_t n = 0; n < added.size(); ++n) {
+      const bool kept = map.point_at(keyframe, added[n].keypoint) == added[n].shown;
+      result_.projected_kept += kept ? 1 : 0;
+      result_.projected_right += is_right[n] ? 1 : 0;
+      result_.projected_kept_right += kept && is_right[n] ? 1 : 0;
+    }
   }
 
   double arrival_ms(std::int32_t i) const {
@@ -162,6 +193,7 @@ class replayer {
     if (recording_.is_simulated() || arguments_.check)
       hooks.stage_done = [this](turbomap::mapping_stage stage, const turbomap::mapping_report&) {
         if (stage == turbomap::mapping_stage::search) judge();
+        if (recording_.is_simulated()) points_.stage_done(world_.map(), world_.id(query_), stage);
       };
     return hooks;
   }
@@ -179,7 +211,9 @@ class replayer {
   turbomap::keyframe_store<orb, Camera, turbomap::memory_of_t<Policy>> store_;
   world world_;
   pose_tracker<map_type, Policy> tracker_;
+  local_map_search<map_type, Policy> local_map_;
   match_judge<map_type, Policy> judge_;
+  points_judge<map_type> points_;
   using adjustment = turbomap::local_adjustment<map_type, Policy, turbomap::every_adjustment_method>;
   turbomap::local_mapper<map_type, Policy, adjustment> mapper_;
   replay_result result_;

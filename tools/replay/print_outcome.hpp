@@ -44,11 +44,20 @@ inline void print_outcome(const nlohmann::json& json, const std::vector<stage_sa
   if (count("skipped") != 0 || count("cut") != 0)
     std::printf("%zu keyframes with stages skipped because more waited, %zu cut by the deadline\n", count("skipped"),
                 count("cut"));
+  if (json["associate"] == "projected")
+    std::printf("%zu associations by projection of the local map, %zu of them kept\n", count("associations_projected"),
+                count("associations_projected_kept"));
   print_table(stages);
   if (count("map_faults") != 0) std::printf("%zu faults in the map\n", count("map_faults"));
   if (json.contains("true_matches"))
     std::printf("%zu matches, %zu of them right by the simulator's ids\n",
                 json["true_matches"]["pairs"].get<std::size_t>(), json["true_matches"]["correct"].get<std::size_t>());
+  if (json.contains("true_points")) {
+    const auto& t = json["true_points"];
+    const auto of = [&](const char* key) { return t[key].get<std::size_t>(); };
+    std::printf("wrong by the simulator's ids: %zu of %zu points created, %zu of %zu merges, %zu of %zu points left\n",
+                of("created_wrong"), of("created"), of("merged_wrong"), of("merged"), of("points_wrong"), of("points"));
+  }
   std::printf("store %.0f bytes per keyframe\n", json["store_bytes_per_keyframe"].get<double>());
   print_trajectory_errors(json);
 }

@@ -111,6 +111,9 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
             {"fusion_conflicts", fused.conflicts},
             {"associations", result.associations},
             {"associations_kept", result.associations_kept},
+            {"associate", arguments.projected ? "projected" : "recorded"},
+            {"associations_projected", result.projected},
+            {"associations_projected_kept", result.projected_kept},
             {"guard_held", guard_json(rows)},
             {"peak_device_bytes", arguments.policy == "cuda" ? result.store.peak_chunk_bytes : 0},
             {"store_bytes_per_keyframe", result.store.bytes_per_keyframe}};
@@ -122,8 +125,12 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
     o.json["observations_per_point"] =
         static_cast<double>(std::accumulate(result.point_observations.begin(), result.point_observations.end(), 0LL)) /
         static_cast<double>(result.points.size());
-  if (recording.is_simulated())
+  if (recording.is_simulated()) {
     o.json["true_matches"] = {{"pairs", result.matches.matches}, {"correct", result.matches.correct_matches}};
+    o.json["true_points"] = result.true_points.json();
+    o.json["associations_projected_right"] = result.projected_right;
+    o.json["associations_projected_kept_right"] = result.projected_kept_right;
+  }
   if (!arguments.quiet) {
     add_trajectory_errors<Camera>(recording, policy, result.T_cw, result.alive, o.json);
     print_outcome(o.json, stages);
