@@ -70,12 +70,13 @@ void choose_stages(const std::string& list, arguments& a) {
   std::set<std::string> names;
   std::istringstream stream(list);
   for (std::string name; std::getline(stream, name, ',');) {
-    static const std::set<std::string> known{"point_culling", "search",     "creation", "fusion",
-                                             "map_update",    "adjustment", "culling",  "keyframe_culling"};
+    static const std::set<std::string> known{"point_culling",  "search",     "creation",
+                                             "fusion",         "map_update", "adjustment",
+                                             "preintegration", "culling",    "keyframe_culling"};
     if (known.count(name) == 0)
-      throw std::invalid_argument(
-          "--stages: '" + name +
-          "' is not a stage: point_culling, search, creation, fusion, map_update, adjustment, culling");
+      throw std::invalid_argument("--stages: '" + name +
+                                  "' is not a stage: point_culling, search, creation, fusion, map_update, adjustment, "
+                                  "preintegration, culling");
     names.insert(name);
   }
   a.point_culling = names.count("point_culling") != 0;
@@ -83,6 +84,7 @@ void choose_stages(const std::string& list, arguments& a) {
   a.creation = names.count("creation") != 0;
   a.fusion = names.count("fusion") != 0;
   a.adjustment = names.count("adjustment") != 0;
+  a.preintegration = names.count("preintegration") != 0;
   a.map_update = names.count("map_update") != 0;
   a.culling = names.count("culling") != 0 || names.count("keyframe_culling") != 0;
 }
@@ -102,9 +104,9 @@ int main(int argc, char** argv) try {
       ->delimiter(',')
       ->check(CLI::IsMember({"seq", "omp", "tbb", "cuda", "all"}));
   app.add_flag("--check", a.check, "compare every stage with the recorded snapshots; exit status 1 when one differs");
-  app.add_option(
-      "--stages", stages,
-      "stages to run, separated by commas: point_culling,search,creation,fusion,map_update,adjustment,culling");
+  app.add_option("--stages", stages,
+                 "stages to run, separated by commas: "
+                 "point_culling,search,creation,fusion,map_update,adjustment,preintegration,culling");
   app.add_option("--candidates", a.candidates, "what the search compares with (replay mode)")
       ->check(CLI::IsMember({"exhaustive", "ordered", "grouped"}));
   app.add_flag("--serial-fusion", a.serial_fusion, "fuse camera by camera, each search after the commit before it");

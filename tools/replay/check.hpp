@@ -11,6 +11,7 @@
 #include "check_culling.hpp"
 #include "check_fusion.hpp"
 #include "check_map_update.hpp"
+#include "check_preintegration.hpp"
 #include "check_search.hpp"
 #include "recorded_scene.hpp"
 
@@ -28,7 +29,8 @@ class checker {
         fusion_(scene_),
         map_update_(scene_),
         culling_(scene_),
-        adjustment_(recording, arguments.recording, policy, arguments.precision()) {}
+        adjustment_(recording, arguments.recording, policy, arguments.precision()),
+        preintegration_(recording, arguments.recording, policy) {}
 
   void check(const turbomap::recording_snapshot& snapshot) {
     const snapshot_scene<Camera, Policy> at(scene_, snapshot);
@@ -41,6 +43,7 @@ class checker {
     if (arguments_.map_update) map_update_.check(at);
     if (arguments_.culling) culling_.check(at);
     if (arguments_.adjustment) adjustment_.check(snapshot.iteration);
+    if (arguments_.preintegration) preintegration_.check(snapshot.iteration);
   }
 
   outcome result() const {
@@ -56,6 +59,7 @@ class checker {
     add(arguments_.map_update && has_map_update_, map_update_);
     add(arguments_.culling && has_culling_, culling_);
     add(arguments_.adjustment && !adjustment_.empty(), adjustment_);
+    add(arguments_.preintegration && !preintegration_.empty(), preintegration_);
     return o;
   }
 
@@ -68,6 +72,7 @@ class checker {
   map_update_check<Camera, Policy> map_update_;
   culling_check<Camera, Policy> culling_;
   adjustment_check<Camera, Policy> adjustment_;
+  preintegration_check<Policy> preintegration_;
   bool has_fusion_ = false, has_map_update_ = false, has_culling_ = false;
 };
 

@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "../inertial/imu_samples.hpp"
 #include "../span.hpp"
 #include "../types.hpp"
 
@@ -26,11 +27,6 @@ struct keypoint_reference {
 /// A body pose in the world as ground truth gives it: position, then the quaternion with its real part first.
 struct stamped_body_pose {
   double px, py, pz, qw, qx, qy, qz;
-};
-
-/// Angular velocity (rad/s) and specific force (m/s^2) in the body frame.
-struct imu_sample {
-  vec3<double> gyro, acceleration;
 };
 
 /// 256 bits, as an ORB extractor gives them.

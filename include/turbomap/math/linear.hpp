@@ -3,9 +3,9 @@
 #pragma once
 
 /// \file
-/// Products of 3-vectors, 3x3 matrices and rigid transforms, for any scalar (float, double, strict<double>, a dual number).
-/// Every sum has one fixed order, left to right, so that results do not depend on the compiler or the policy; a matrix
-/// library does not promise that.
+/// Products of 3-vectors, 3x3 matrices and rigid transforms, for any scalar (float, double, strict<double>, a dual
+/// number). Every sum has one fixed order, left to right, so that results do not depend on the compiler or the policy;
+/// a matrix library does not promise that.
 
 #include <cmath>
 
@@ -22,6 +22,12 @@ TURBOMAP_HD vec3<S> cast(const vec3<T>& a) {
 template <class S, class T>
 TURBOMAP_HD vec2<S> cast(const vec2<T>& a) {
   return {S(a.x), S(a.y)};
+}
+template <class S, class T>
+TURBOMAP_HD mat3<S> cast(const mat3<T>& a) {
+  mat3<S> r;
+  for (int i = 0; i < 9; ++i) r.m[i] = S(a.m[i]);
+  return r;
 }
 template <class S, class T>
 TURBOMAP_HD rigid_transform<S> cast(const rigid_transform<T>& a) {
@@ -76,6 +82,29 @@ TURBOMAP_HD mat3<S> operator*(const mat3<S>& A, const mat3<S>& B) {
 template <class S>
 TURBOMAP_HD mat3<S> transpose(const mat3<S>& A) {
   return {{A.m[0], A.m[3], A.m[6], A.m[1], A.m[4], A.m[7], A.m[2], A.m[5], A.m[8]}};
+}
+template <class S>
+TURBOMAP_HD mat3<S> operator+(const mat3<S>& A, const mat3<S>& B) {
+  mat3<S> C;
+  for (int i = 0; i < 9; ++i) C.m[i] = A.m[i] + B.m[i];
+  return C;
+}
+template <class S>
+TURBOMAP_HD mat3<S> operator*(const S& s, const mat3<S>& A) {
+  mat3<S> C;
+  for (int i = 0; i < 9; ++i) C.m[i] = s * A.m[i];
+  return C;
+}
+template <class S>
+TURBOMAP_HD mat3<S> identity3() {
+  const S zero(0), one(1);
+  return {{one, zero, zero, zero, one, zero, zero, zero, one}};
+}
+/// The matrix [a]x of the cross product: [a]x b = a x b.
+template <class S>
+TURBOMAP_HD mat3<S> skew(const vec3<S>& a) {
+  const S zero(0);
+  return {{zero, S(0) - a.z, a.y, a.z, zero, S(0) - a.x, S(0) - a.y, a.x, zero}};
 }
 
 /// The rotation matrix of the quaternion as stored (homogeneous of degree two for a non-unit one).

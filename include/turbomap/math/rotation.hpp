@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// Rotations as quaternions: exponential of a step, product, normalisation; for double and for dual numbers at a step
-/// of zero (no branch divides by an angle of zero).
+/// Rotations as quaternions and matrices: exponential and logarithm, product, normalisation; for double and for dual
+/// numbers at a step of zero (no branch divides by an angle of zero).
 
 #include <cmath>
 
@@ -51,6 +51,69 @@ struct rotation_coefficients {
     half_sine = sine / t;
   }
 };
+
+/// Exp: the rotation by |w| radians about w.
+template <class S>
+TURBOMAP_HD mat3<S> rotation_exp(const vec3<S>& w) {
+  const rotation_coefficients<S> k(squared_norm(w));
+  const mat3<S> W = skew(w);
+  return identity3<S>() + k.a * W + k.b * (W * W);
+}
+
+/// The isometry as quaternion and translation; the quaternion has qw >= 0 or is that of a rotation by more than 120
+/// degrees. R must be a rotation.
+template <class S>
+TURBOMAP_HD rigid_transform<S> to_rigid_transform(const isometry<S>& T) {
+  using std::sqrt;
+  const auto& R = T.R;
+  const S one(1), trace = R(0, 0) + R(1, 1) + R(2, 2);
+  S q[4];  // x, y, z, w: the largest of trace and diagonal keeps the root away from 0
+  if (trace > R(0, 0) && trace > R(1, 1) && trace > R(2, 2)) {
+    const S s = sqrt(one + trace), h = S(0.5) / s;
+    q[3] = S(0.5) * s;
+    q[0] = (R(2, 1) - R(1, 2)) * h, q[1] = (R(0, 2) - R(2, 0)) * h, q[2] = (R(1, 0) - R(0, 1)) * h;
+  } else {
+    int i = R(1, 1) > R(0, 0) ? 1 : 0;
+    if (R(2, 2) > R(i, i)) i = 2;
+    const int j = (i + 1) % 3, k = (j + 1) % 3;
+    const S s = sqrt(one + R(i, i) - R(j, j) - R(k, k)), h = S(0.5) / s;
+    q[i] = S(0.5) * s;
+    q[j] = (R(j, i) + R(i, j)) * h, q[k] = (R(k, i) + R(i, k)) * h, q[3] = (R(k, j) - R(j, k)) * h;
+  }
+  rigid_transform<S> r;
+  r.qx = q[0], r.qy = q[1], r.qz = q[2], r.qw = q[3];
+  r.tx = T.t.x, r.ty = T.t.y, r.tz = T.t.z;
+  return r;
+}
+
+/// Log: the rotation vector of R, the inverse of rotation_exp; its length is in [0, pi].
+template <class S>
+TURBOMAP_HD vec3<S> rotation_log(const mat3<S>& R) {
+  using std::atan2;
+  const auto q = to_rigid_transform(isometry<S>{R, {S(0), S(0), S(0)}});
+  const vec3<S> v{q.qx, q.qy, q.qz};
+  const S n2 = squared_norm(v), w2 = q.qw * q.qw;
+  if (n2 < S(1e-4) * w2) {  // 2 atan(x) / (x w) by its series, x = |v| / w
+    const S x2 = n2 / w2;
+    return (S(2) / q.qw * (S(1) - x2 * (S(1.0 / 3) - x2 * (S(1.0 / 5) - x2 * S(1.0 / 7))))) * v;
+  }
+  const S n = norm(v);
+  const bool turned = q.qw < S(0);  // the same rotation the short way
+  const S angle = turned ? S(0) - S(2) * atan2(n, S(0) - q.qw) : S(2) * atan2(n, q.qw);
+  return (angle / n) * v;
+}
+
+/// Inverse of the right Jacobian of SO(3): Log(Exp(w) Exp(d)) = w + right_jacobian_inverse(w) d to first order.
+template <class S>
+TURBOMAP_HD mat3<S> right_jacobian_inverse(const vec3<S>& w) {
+  const S t2 = squared_norm(w);
+  const rotation_coefficients<S> k(t2);
+  // (1 - t/2 cot(t/2)) / t^2, by its series where the difference cancels; a / 2b = t/2 cot(t/2)
+  const S c = t2 < S(1e-2) ? S(1.0 / 12) + t2 * (S(1.0 / 720) + t2 * (S(1.0 / 30240) + t2 * S(1.0 / 1209600)))
+                           : (S(1) - k.a / (k.b + k.b)) / t2;
+  const mat3<S> W = skew(w);
+  return identity3<S>() + S(0.5) * W + c * (W * W);
+}
 
 /// exp(omega, v) T: the exponential of the rigid motions, its rotation vector first, applied on the left. The
 /// quaternion of the result is of unit length.

@@ -1,0 +1,46 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What an inertial measurement unit (IMU) gives: samples with their times, and the interval between two frames that is
+/// integrated over them. Times are integers (ns), so that long recordings lose no digits.
+
+#include <cstdint>
+#include <type_traits>
+
+#include "../config.hpp"
+#include "../span.hpp"
+#include "../types.hpp"
+
+namespace turbomap {
+
+/// Angular velocity (rad/s) and specific force (m/s^2: an IMU at rest measures 9.81 upwards) in the body frame.
+struct imu_sample {
+  vec3<double> gyro, acceleration;
+};
+
+/// Samples of one IMU in the order of time. Sample i was taken at t_ns[i].
+struct imu_samples {
+  span<const std::int64_t> t_ns;
+  span<const imu_sample> sample;
+};
+
+/// What the sensor measures above the truth: rad/s and m/s^2, in the body frame.
+template <class S>
+struct imu_bias {
+  vec3<S> gyro{S(0), S(0), S(0)}, acceleration{S(0), S(0), S(0)};
+};
+
+/// The time from one frame to the next, and the samples that tell what happened in it. Samples first + 1 ... last - 1
+/// lie inside. The values at both ends come from the lines through the first two and the last two samples: interpolated
+/// where samples `first` and `last` lie outside, extrapolated where they do not. find_interval() chooses them.
+struct imu_interval {
+  std::int64_t begin_ns = 0, end_ns = 0;
+  std::int32_t first = 0, last = 0;
+};
+
+static_assert(std::is_trivially_copyable_v<imu_sample> && sizeof(imu_sample) == 48);
+static_assert(std::is_trivially_copyable_v<imu_interval> && sizeof(imu_interval) == 24);
+
+}  // namespace turbomap

@@ -1,0 +1,62 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// A preintegration sums up what an IMU measured between two frames: by how much it turned, sped up and moved, as seen
+/// from the first frame and without gravity. It does not depend on the pose or the velocity at the start, so it is
+/// computed once; when the estimate of the bias changes, its derivatives correct it
+/// [Forster et al., On-manifold preintegration for real-time visual-inertial odometry, IEEE T-RO 2017].
+
+#include <type_traits>
+
+#include "../config.hpp"
+#include "../types.hpp"
+#include "imu_samples.hpp"
+
+namespace turbomap {
+
+/// Motion of the body from frame i to frame j, in the frame of i. With R_i, v_i, p_i orientation (body to world),
+/// velocity and position, and gravity g:
+///     R_j = R_i dR,   v_j = v_i + g dt + R_i dV,   p_j = p_i + v_i dt + g dt^2 / 2 + R_i dP
+/// Errors and derivatives: dR is off by Exp(r) on its right; dV and dP by sums. Default: no time has passed.
+template <class S>
+struct preintegration {
+  S dt{0};           ///< s
+  imu_bias<S> bias;  ///< at which it was integrated
+  mat3<S> dR{{S(1), S(0), S(0), S(0), S(1), S(0), S(0), S(0), S(1)}};
+  vec3<S> dV{S(0), S(0), S(0)};  ///< m/s
+  vec3<S> dP{S(0), S(0), S(0)};  ///< m
+
+  /// \name Derivatives of rotation, velocity and position by the biases of gyroscope (g) and accelerometer (a)
+  /// @{
+  mat3<S> J_Rg{}, J_Vg{}, J_Va{}, J_Pg{}, J_Pa{};
+  /// @}
+  /// \name Covariance of (rotation r in rad, velocity in m/s, position in m) by blocks, the lower half
+  /// @{
+  mat3<S> C_RR{}, C_VR{}, C_VV{}, C_PR{}, C_PV{}, C_PP{};
+  /// @}
+  S gyro_walk{0}, acceleration_walk{0};  ///< variance by which each element of a bias walks meanwhile
+
+  /// The covariance as one symmetric 15x15 matrix: rotation, velocity, position, walk of the gyroscope's bias, of the
+  /// accelerometer's.
+  TURBOMAP_HD S covariance(int row, int column) const {
+    if (row < column) return covariance(column, row);
+    if (row >= 9) return row != column ? S(0) : row < 12 ? gyro_walk : acceleration_walk;
+    const mat3<S>* lower[6] = {&C_RR, &C_VR, &C_VV, &C_PR, &C_PV, &C_PP};
+    const int r = row / 3, c = column / 3;
+    return (*lower[r * (r + 1) / 2 + c])(row % 3, column % 3);
+  }
+};
+
+static_assert(std::is_trivially_copyable_v<preintegration<double>>);
+
+/// What a frame of a visual-inertial problem knows about itself.
+template <class S>
+struct inertial_state {
+  rigid_transform<S> T_bw;             ///< world to body: the frame in which the IMU measures
+  vec3<S> velocity{S(0), S(0), S(0)};  ///< of the body in the world, m/s
+  imu_bias<S> bias;
+};
+
+}  // namespace turbomap
