@@ -6,6 +6,7 @@
 /// From the result of a replay to the data of its report.
 
 #include <algorithm>
+#include <cstdio>
 #include <string>
 #include <vector>
 
@@ -86,6 +87,14 @@ inline report_data make_report(const turbomap::recording& recording, const argum
   data.map_points = json["map_points"], data.skipped = json["skipped"];
   if (json.contains("ate_rmse_m")) data.ate_rmse_m = json["ate_rmse_m"];
   if (json.contains("peer_ate_rmse_m")) data.peer_ate_rmse_m = json["peer_ate_rmse_m"];
+  const auto add_error = [&](const char* name, const char* key) {
+    char text[32];
+    if (!json.contains(key)) return;
+    std::snprintf(text, sizeof text, "%.4f m", json[key].get<double>());
+    data.facts.emplace_back(name, text);
+  };
+  add_error("ATE of the poses that came in", "ate_input_rmse_m");
+  add_error("ATE of one adjustment of all true observations", "ate_batch_rmse_m");
   for (const stage_samples& s : stages) {
     report_stage stage{s.name,           s.mean(),      s.quantile(0.5),
                        s.quantile(0.95), s.quantile(1), s.peer_ms_mean >= 0 ? s.peer_ms_mean : not_known};
