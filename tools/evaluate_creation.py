@@ -170,8 +170,10 @@ def figures(found):
         "kept, %": ratio(get(found, "associations_kept"), get(found, "associations"), 100),
         "projected": get(found, "associations_projected"),
         "projected kept, %": ratio(get(found, "associations_projected_kept"), get(found, "associations_projected"), 100),
+        "right of those, %": ratio(get(found, "associations_projected_kept_right"), get(found, "associations_projected_kept"), 100),
     }
     judged = found.get("true_points") or {}
+    values["duplicates, %"] = ratio(judged.get("points_duplicate"), judged.get("points"), 100)
     for key in judged:  # counts of what is wrong, each beside the count of all
         if key.endswith("_wrong") and key[:-len("_wrong")] in judged:
             values[f"wrong of {key[:-len('_wrong')].replace('_', ' ')}, %"] = ratio(judged[key], judged[key[:-len("_wrong")]], 100)
@@ -220,6 +222,10 @@ def summary(groups, variant_names):
                 values["ATE / bound, median"] = statistics.median(ratios)
                 values["worst"] = max(ratios)
                 values[f"above {BOUND}"] = sum(r > BOUND for r in ratios)
+            for what in ("created", "merged", "observations"):
+                wrong = [f[f"wrong of {what}, %"] for f in of if f"wrong of {what}, %" in f]
+                if wrong:
+                    values[f"wrong of {what}, %"] = statistics.mean(wrong)
             for column in ("created", "merges", "points left", "obs. / point", "creation, ms", "fusion, ms", "total, ms"):
                 total, before = (sum(f.get(column, 0) for f in some) for some in (of, first))
                 if before and len(variant_names) > 1:
