@@ -3,7 +3,8 @@
 #pragma once
 
 /// \file
-/// The stages of turbomap-bench that work on a map: fusion of duplicates, update of map points, counting for keyframe culling.
+/// The stages of turbomap-bench that work on a map: fusion of duplicates, search by projection, update of map points, counting
+/// for keyframe culling.
 /// Each is compared with its oracle once: a stage that differs is not timed.
 
 #include <algorithm>
@@ -20,6 +21,7 @@
 
 #include "reference/appearance_oracle.hpp"
 #include "reference/culling_oracle.hpp"
+#include "reference/projection_oracle.hpp"
 
 #include <turbomap/map/neighbourhood.hpp>
 #include <turbomap/mapping/duplicate_fusion.hpp>
@@ -101,6 +103,56 @@ nlohmann::json time_fusion(map_scene<Policy>& scene, int repetitions, double dis
       interleave(repetitions, ours, oracle, floor.ms(distance_ms), [&] { map = scene.map, expected = scene.oracle; });
   result["floor"] = floor.json();
   result["targets"] = targets.size(), result["found"] = found.entries, result["merged"] = found.merged;
+  return result;
+}
+
+/// The points of the query's neighbourhood in the query, as tracking looks for its local map in a frame.
+template <class Policy>
+nlohmann::json time_projection(map_scene<Policy>& scene, int repetitions, double distance_ms) {
+  using scene_type = map_scene<Policy>;
+  turbomap::neighbourhood<typename scene_type::map_type> around;
+  turbomap::duplicate_snapshot<typename scene_type::map_type> local_map;
+  for (const auto k : around.targets(scene.map, scene.query(), {})) local_map.add_points_of(scene.map, k);
+  const auto points = local_map.points_view();
+  turbomap::projection_options options;
+  options.scales = scene.update.scales;
+
+  using target = turbomap::projection_target<orb, fisheye>;
+  using targets = turbomap::span<const target>;
+  const auto& T_cw = scene.map.T_cw(scene.query());
+  const turbomap::keyframe_handle handle = scene.stored.at(scene_type::traits::id(scene.map, scene.query()));
+  const auto pinned = scene.store.pin(scene.ctx, turbomap::span<const turbomap::keyframe_handle>(&handle, 1));
+  const target frame{pinned[0], T_cw};
+  turbomap::projections<orb, fisheye, Policy> found(scene.ctx);
+  typename turbomap::projections<orb, fisheye, Policy>::plan_type plan;
+  const auto ours = [&] {
+    turbomap::search_by_projection(scene.ctx, points, targets(&frame, 1), options, found);
+    found.plan(scene.ctx, plan);
+  };
+  const target host_frame{scene.oracle.keyframes.at(scene_type::traits::id(scene.map, scene.query())).view, T_cw};
+  std::vector<turbomap::projection_trial<std::int32_t>> expected;
+  const auto oracle = [&] {
+    expected.clear();
+    for (const auto& t : turbomap_test::projection_oracle<orb, fisheye>(points, targets(&host_frame, 1), options))
+      expected.push_back(t.trial);
+    for (int c = 0; c < host_frame.view.camera_count; ++c)
+      turbomap_test::settle_oracle(expected.data() + c * points.count, points.count);
+  };
+  ours();
+  oracle();
+  std::size_t matched = 0;
+  for (const auto& t : expected) matched += t.outcome == turbomap::projection_outcome::matched ? 1 : 0;
+  require_same(matched == plan.size(), "projection");
+  for (const auto& m : plan)
+    require_same(expected[static_cast<std::size_t>(m.camera * points.count + m.point)].keypoint == m.keypoint,
+                 "projection");
+
+  stage_floor floor;
+  floor.distances = static_cast<double>(matched);
+  floor.transforms = static_cast<double>(expected.size());
+  auto result = interleave(repetitions, ours, oracle, floor.ms(distance_ms));
+  result["floor"] = floor.json();
+  result["points"] = points.count, result["found"] = matched;
   return result;
 }
 
@@ -207,6 +259,7 @@ void run_map_stages(turbomap::context<Policy>& ctx, const turbomap::recording& r
                     double distance_ms, nlohmann::json& stages) {
   map_scene<Policy> scene(ctx, recording);
   stages["fusion"] = time_fusion(scene, repetitions, distance_ms);
+  stages["projection"] = time_projection(scene, repetitions, distance_ms);
   stages["map_update"] = time_map_update(scene, repetitions, distance_ms);
   stages["culling"] = time_culling(scene, repetitions, distance_ms);
 }
