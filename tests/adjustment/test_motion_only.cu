@@ -10,6 +10,7 @@
 #include "adjustment_results.hpp"
 #include "motion_only_cases.hpp"
 #include "support/stream.cuh"
+#include "uncertain_points_cases.hpp"
 
 namespace {
 
@@ -62,6 +63,15 @@ TEST_CASE("frames that cannot be adjusted stay to the bit; the others do not min
 TEST_CASE("bad input is refused") {
   const stream on;
   check_bad_frames(on.policy());
+}
+
+TEST_CASE("points that are not exact") {
+  const stream on;
+  check_uncertain_poses(on.policy());
+  check_exact_covariances(on.policy());
+  check_bad_covariances(on.policy());
+  const uncertain_frames u(scene_kind::stereo);
+  check_same(u.adjust(on.policy()), u.adjust(sequential{}), u.adjust(on.policy()));
 }
 
 TEST_CASE("one object, one context: frames after frames, more and fewer") {

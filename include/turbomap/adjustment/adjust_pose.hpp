@@ -4,12 +4,13 @@
 
 /// \file
 /// The pose of one frame from points that are held fixed: Levenberg and Marquardt's method on six unknowns, in rounds; after
-/// each, observations that do not fit are told as outliers and the next round does without them. One frame is the work of one
-/// thread.
+/// each, observations that do not fit are told as outliers and the next round does without them. Points that are not exact
+/// count less along the directions in which they are not known. One frame is the work of one thread.
 
 #include <cmath>
 #include <cstdint>
 
+#include "../camera/point_uncertainty.hpp"
 #include "../config.hpp"
 #include "../math/pack.hpp"
 #include "../math/rotation.hpp"
@@ -24,8 +25,8 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Index = frame.
-template <class Camera>
+/// Index = frame. \tparam Exact  points are: `covariance` and `spread` are not read
+template <class Camera, bool Exact>
 struct adjust_one_pose {
   const adjustment_camera<Camera>* cameras;
   const rigid_transform<double>* guess;
@@ -33,10 +34,12 @@ struct adjust_one_pose {
   const vec3<double>* point;
   const vec3<double>* pixel;
   const double* information;
-  const std::uint8_t* camera;  ///< null: the first
+  const std::uint8_t* camera;          ///< null: the first
+  const point_covariance* covariance;  ///< [observation] of its point
   motion_only_options options;
   posed_frame* result;
-  std::uint8_t* outlier;  ///< [observation]
+  std::uint8_t* outlier;       ///< [observation]
+  symmetric3<double>* spread;  ///< [observation] see weigh()
 
   TURBOMAP_HD void operator()(int f) const {
     const int first = begin[f], last = begin[f + 1];
@@ -46,12 +49,14 @@ struct adjust_one_pose {
     if (last - first < options.min_observations) return;
     rigid_transform<double> T = normalised(guess[f]);
     bool adjusted = false;
+    if constexpr (!Exact) weigh(first, last, T);
     for (int round = 0; round < options.rounds; ++round) {
       const bool robust = round < options.robust_rounds;
       // [ORB-SLAM3] starts every round at the first guess: a pose that outliers have dragged away does not matter then.
       rigid_transform<double> candidate = normalised(guess[f]);
       if (!optimise(first, last, robust, candidate, r.cost)) return give_up(f, first, last);
       T = candidate, adjusted = true;
+      if constexpr (!Exact) weigh(first, last, T);
       r.inliers = classify(first, last, T);
       if (r.inliers < options.min_observations) return give_up(f, first, last);
     }
@@ -64,23 +69,63 @@ struct adjust_one_pose {
     for (int i = first; i < last; ++i) outlier[i] = 1;
   }
 
-  /// chi2 of an observation, and, where asked for, its part of the normal equations. Negative: not defined.
+  /// Where points are not exact: the covariance of each observation's residual, sigma^2 I + J Sigma J^T at this pose, as its
+  /// Cholesky factor. Constant until the next pose of a round: the cost of a step can be compared with that before it.
+  TURBOMAP_HD void weigh(int first, int last, const rigid_transform<double>& T_cw) const {
+    const isometry<double> T = to_isometry<double>(T_cw);
+    const mat3<double> R_wb = transpose(T.R);
+    for (int i = first; i < last; ++i) {
+      lane_reprojection<double, double, 1> r{};
+      vec3<pack<double, 1>> X;
+      const bool stereo = project<true>(i, T, r, X);
+      vec3<double> by_X[3] = {};
+      if (r.defined.v[0] > 0)
+        for (int k = 0; k < (stereo ? 3 : 2); ++k)
+          by_X[k] = R_wb * vec3<double>{r.d[k][0].v[0], r.d[k][1].v[0], r.d[k][2].v[0]};
+      spread[i] = spread_of_difference(projected_covariance(to_symmetric<double>(covariance[i]), by_X), stereo,
+                                       1 / information[i], 0.0);
+    }
+  }
+
+  /// The rows of an observation, and the point in body coordinates. Returns whether there is a third one.
   template <bool Derivative>
-  TURBOMAP_HD double observe(int i, const isometry<double>& T, bool robust, double* H, double* b, double& rho) const {
+  TURBOMAP_HD bool project(int i, const isometry<double>& T, lane_reprojection<double, double, 1>& r,
+                           vec3<pack<double, 1>>& X) const {
     using P = pack<double, 1>;
     const auto& c = cameras[camera == nullptr ? 0 : camera[i]];
     const bool stereo = c.bf > 0 && pixel[i].z >= 0;
-    const vec3<P> X = transform(T, vec3<P>{P(point[i].x), P(point[i].y), P(point[i].z)});
+    X = transform(T, vec3<P>{P(point[i].x), P(point[i].y), P(point[i].z)});
     const vec3<P> z{P(pixel[i].x), P(pixel[i].y), P(stereo ? pixel[i].z : 0.0)};
-    lane_reprojection<double, double, 1> r{};
     if (stereo)
       r.template compute<Derivative, true>(c, X, z);
     else
       r.template compute<Derivative, false>(c, X, z);
+    return stereo;
+  }
+
+  /// Rows and derivatives of unit covariance, where points are not exact.
+  template <bool Derivative>
+  TURBOMAP_HD static void whiten(const symmetric3<double>& L, lane_reprojection<double, double, 1>& r) {
+    const vec3<double> e = solve_lower(L, vec3<double>{r.e[0].v[0], r.e[1].v[0], r.e[2].v[0]});
+    r.e[0].v[0] = e.x, r.e[1].v[0] = e.y, r.e[2].v[0] = e.z;
+    for (int c = 0; Derivative && c < 3; ++c) {
+      const vec3<double> d = solve_lower(L, vec3<double>{r.d[0][c].v[0], r.d[1][c].v[0], r.d[2][c].v[0]});
+      r.d[0][c].v[0] = d.x, r.d[1][c].v[0] = d.y, r.d[2][c].v[0] = d.z;
+    }
+  }
+
+  /// chi2 of an observation, and, where asked for, its part of the normal equations. Negative: not defined.
+  template <bool Derivative>
+  TURBOMAP_HD double observe(int i, const isometry<double>& T, bool robust, double* H, double* b, double& rho) const {
+    lane_reprojection<double, double, 1> r{};
+    vec3<pack<double, 1>> X;
+    const bool stereo = project<Derivative>(i, T, r, X);
     if (!(r.defined.v[0] > 0)) return -1;
     const int size = stereo ? 3 : 2;
+    if constexpr (!Exact) whiten<Derivative>(spread[i], r);
+    const double info = Exact ? information[i] : 1;
     double e[3], chi2 = 0, weight = 1;
-    for (int k = 0; k < size; ++k) e[k] = r.e[k].v[0], chi2 += information[i] * e[k] * e[k];
+    for (int k = 0; k < size; ++k) e[k] = r.e[k].v[0], chi2 += info * e[k] * e[k];
     rho = chi2;
     if (robust) huber{stereo ? options.stereo_chi2 : options.mono_chi2}(chi2, rho, weight);
     if constexpr (Derivative) {
@@ -88,7 +133,7 @@ struct adjust_one_pose {
       for (int k = 0; k < size; ++k) {
         const double d[3] = {r.d[k][0].v[0], r.d[k][1].v[0], r.d[k][2].v[0]};
         const double J[6] = {y * d[2] - w * d[1], w * d[0] - x * d[2], x * d[1] - y * d[0], d[0], d[1], d[2]};
-        detail::add_normal_equations<1>(J, e + k, weight * information[i], 6, H, b);
+        detail::add_normal_equations<1>(J, e + k, weight * info, 6, H, b);
       }
     }
     return chi2;
@@ -170,9 +215,9 @@ struct adjust_one_pose {
   }
 };
 
-template <class Derived, class Camera>
+template <class Derived, class Camera, bool Exact>
 void launch_adjust_poses(const thrust::execution_policy<Derived>& policy, int frames,
-                         const adjust_one_pose<Camera>& work) {
+                         const adjust_one_pose<Camera, Exact>& work) {
   for_each_index(derived(policy), frames, work);
 }
 

@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 
 #include "../camera/rig.hpp"
 #include "../config.hpp"
@@ -30,6 +31,9 @@ struct motion_only_input {
   span<const vec3<double>> pixel;            ///< u, v, u_right; negative or NaN u_right: none
   span<const double> information;            ///< 1 / sigma^2, px^-2
   span<const std::uint8_t> camera = {};      ///< of the rig; empty: the first
+  /// [observation] how well its point is known, world, m^2: a row counts, and is an outlier, by sigma^2 + J Sigma J^T instead
+  /// of sigma^2 (camera/point_uncertainty.hpp). Empty: all points are exact.
+  span<const point_covariance> covariance = {};
 };
 
 }  // namespace turbomap
@@ -61,17 +65,25 @@ class motion_only {
     cameras_.send(policy);
     auto* to = ctx.template scratch<posed_frame>(frames);
     auto* flags = ctx.template scratch<std::uint8_t>(n);
-    const adjust_one_pose<Camera> one{cameras_.data(),
-                                      resident(ctx, in.T_cw),
-                                      resident(ctx, in.begin),
-                                      resident(ctx, in.point),
-                                      resident(ctx, in.pixel),
-                                      resident(ctx, in.information),
-                                      resident(ctx, in.camera),
-                                      options,
-                                      to,
-                                      flags};
-    launch_adjust_poses(policy, static_cast<int>(frames), one);
+    const auto launch = [&](auto exact) {
+      const adjust_one_pose<Camera, exact.value> work{cameras_.data(),
+                                                      resident(ctx, in.T_cw),
+                                                      resident(ctx, in.begin),
+                                                      resident(ctx, in.point),
+                                                      resident(ctx, in.pixel),
+                                                      resident(ctx, in.information),
+                                                      resident(ctx, in.camera),
+                                                      resident(ctx, in.covariance),
+                                                      options,
+                                                      to,
+                                                      flags,
+                                                      exact ? nullptr : ctx.template scratch<symmetric3<double>>(n)};
+      launch_adjust_poses(policy, static_cast<int>(frames), work);
+    };
+    if (in.covariance.empty())
+      launch(std::true_type{});
+    else
+      launch(std::false_type{});
     result.resize(frames), outlier.resize(n);
     copy_out(policy, result.data(), to, frames * sizeof(posed_frame));
     copy_out(policy, outlier.data(), flags, n);
@@ -93,6 +105,11 @@ class motion_only {
     require(in.camera.empty() || in.camera.size() == n, "camera.size()", in.camera.size(),
             "must be that of point, or 0");
     for (const auto c : in.camera) require(c < in.rig.count, "camera", static_cast<int>(c), "is not in the rig");
+    require(in.covariance.empty() || in.covariance.size() == n, "covariance.size()", in.covariance.size(),
+            "must be that of point, or 0");
+    for (const point_covariance& c : in.covariance)
+      require(detail::is_finite(c.xx + c.yx + c.yy + c.zx + c.zy + c.zz) && c.xx >= 0 && c.yy >= 0 && c.zz >= 0,
+              "covariance", c.xx + c.yy + c.zz, "must be finite, and variances not negative");
     require(options.rounds >= 1, "options.rounds", options.rounds, "must be positive");
     require(options.iterations >= 1, "options.iterations", options.iterations, "must be positive");
     require(options.mono_chi2 > 0, "options.mono_chi2", options.mono_chi2, "must be positive");
