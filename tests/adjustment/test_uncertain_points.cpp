@@ -33,13 +33,13 @@ TEST_CASE_TEMPLATE("covariances that cannot be are refused", Policy, TURBOMAP_TE
 
 /// One observation of the oracle: its camera without the frame's pose, pixel, point.
 struct oracle_row {
-  oracle_view<scene_camera> view;  ///< T_cw: body to camera
+  uncertainty_view<scene_camera> view;  ///< T_cw: body to camera
   Eigen::VectorXd pixel;
   Eigen::Vector3d X;
   Eigen::Matrix3d Sigma;
 
-  oracle_view<scene_camera> at(const oracle_frame& x) const {
-    oracle_view<scene_camera> v = view;
+  uncertainty_view<scene_camera> at(const oracle_frame& x) const {
+    uncertainty_view<scene_camera> v = view;
     v.T_cw = view.T_cw * oracle_pose{x.R, x.t};
     return v;
   }

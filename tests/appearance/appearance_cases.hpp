@@ -86,7 +86,7 @@ struct update_plan {
     return same(points, b.points) && same(descriptors, b.descriptors);
   }
 };
-static_assert(sizeof(turbomap::point_appearance) == 24, "no padding: compared by bytes");
+static_assert(sizeof(turbomap::point_appearance) == 48, "no padding: compared by bytes");
 
 template <class Policy, class Descriptor, class Camera>
 update_plan<Descriptor> update_under(const Policy& policy, const scene<Descriptor, Camera>& s,
@@ -119,9 +119,11 @@ void check_update(const Policy& policy, const test_rig<Camera>& rig, unsigned se
        {std::array{true, true}, std::array{true, false}, std::array{false, true}}) {
     turbomap::appearance_options options;
     options.scales = s.scales(), options.descriptors = descriptors, options.geometry = geometry;
+    options.covariance = geometry, options.stereo_correlation = descriptors ? 0.5 : 0;
     const auto got = update_under(policy, s, points, options);
     if constexpr (!std::is_same_v<Policy, one_by_one>) CHECK(got == update_under(one_by_one{}, s, points, options));
     const auto expected = appearance_oracle(points.view(), keyframes, options);
+    int compared = 0;
     REQUIRE(got.points.size() == expected.size());
     REQUIRE(got.descriptors.size() == (descriptors ? expected.size() * Descriptor::elements : 0));
     for (std::size_t i = 0; i < expected.size(); ++i) {
@@ -133,6 +135,10 @@ void check_update(const Policy& policy, const test_rig<Camera>& rig, unsigned se
       CHECK(is_close(e.normal.z, g.normal.z, 1));
       CHECK(is_close(e.min_distance, g.min_distance));
       CHECK(is_close(e.max_distance, g.max_distance));
+      if (!std::isnan(e.covariance.xx)) {
+        ++compared;
+        CHECK((to_eigen(g.covariance) - to_eigen(e.covariance)).norm() <= 1e-4 * to_eigen(e.covariance).norm());
+      }
       if (!descriptors) continue;
       std::vector<typename Descriptor::element> element(Descriptor::elements);
       if (e.medoid >= 0) {
@@ -142,6 +148,7 @@ void check_update(const Policy& policy, const test_rig<Camera>& rig, unsigned se
       }
       CHECK(std::memcmp(element.data(), got.descriptors.data() + i * Descriptor::elements, Descriptor::bytes) == 0);
     }
+    CHECK(compared > 5);
   }
 }
 
@@ -338,6 +345,13 @@ void check_update_arguments() {
     options.scales = scales;
     CHECK(message(points.view(), good, options).find(name) != std::string::npos);
   };
+  const auto refused_option = [&](const std::string& name, auto change) {
+    turbomap::appearance_options options;
+    change(options);
+    CHECK(message(points.view(), good, options).find(name) != std::string::npos);
+  };
+  refused_option("options.covariance", [](auto& o) { o.covariance = true, o.geometry = false; });
+  refused_option("options.stereo_correlation = 1", [](auto& o) { o.stereo_correlation = 1; });
   refused_scales("options.scales.levels = 0", {1.2F, 0});
   refused_scales("options.scales.levels = 257", {1.2F, 257});
   refused_scales("options.scales.scale_factor = 0.5", {0.5F, 8});

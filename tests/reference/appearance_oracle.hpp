@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "two_views.hpp"
+#include "uncertainty_oracle.hpp"
 
 namespace turbomap_test {
 
@@ -47,6 +48,38 @@ Eigen::Vector3d oracle_centre(const turbomap::posed_keyframe<Descriptor, Camera>
   return oracle_camera_pose(keyframe, camera).inverse().t;
 }
 
+/// The views of one point.
+template <class Descriptor, class Camera>
+std::vector<uncertainty_view<Camera>> oracle_views(
+    const turbomap::appearance_view& view, int point,
+    const std::vector<turbomap::posed_keyframe<Descriptor, Camera>>& keyframes,
+    const turbomap::appearance_options& options) {
+  std::vector<uncertainty_view<Camera>> views;
+  for (int o = view.observation_offset[point]; o < view.observation_offset[point + 1]; ++o) {
+    const auto [k, keypoint] = view.observations[o];
+    const auto& keyframe = keyframes[static_cast<std::size_t>(k)];
+    const int camera = keyframe.view.camera_of(keypoint);
+    const auto& c = keyframe.view.cameras[camera];
+    views.push_back({c.camera, oracle_camera_pose(keyframe, camera), keyframe.view.is_stereo(keypoint) ? c.bf : 0,
+                     oracle_sigma2(options.scales, keyframe.view.octave[keypoint]), options.stereo_correlation});
+  }
+  return views;
+}
+/// How well the point is known. NaN where a numeric derivative leaves the camera model, or is too near to one of the cameras.
+template <class Descriptor, class Camera>
+turbomap::point_covariance oracle_covariance(const turbomap::appearance_view& view, int point,
+                                             const std::vector<turbomap::posed_keyframe<Descriptor, Camera>>& keyframes,
+                                             const turbomap::appearance_options& options) {
+  const Eigen::Vector3d X(view.position[point].x, view.position[point].y, view.position[point].z);
+  const auto views = oracle_views(view, point, keyframes, options);
+  for (const auto& v : views)
+    if (std::abs((v.T_cw * X).z()) < 0.2 || (v(X).size() == 0) != (v(1.01 * X).size() == 0) ||
+        (v(X).size() == 0) != (v(0.99 * X).size() == 0))
+      return {std::numeric_limits<float>::quiet_NaN()};
+  const Eigen::Matrix3f C = oracle_point_covariance(views, X).template cast<float>();
+  return {C(0, 0), C(1, 0), C(1, 1), C(2, 0), C(2, 1), C(2, 2)};
+}
+
 /// Every point of the call. The views are in host memory.
 template <class Descriptor, class Camera>
 std::vector<turbomap::point_appearance> appearance_oracle(
@@ -67,6 +100,7 @@ std::vector<turbomap::point_appearance> appearance_oracle(
       points.back().medoid = oracle_medoid<Descriptor>(descriptors);
     }
     if (!options.geometry) continue;
+    if (options.covariance) points.back().covariance = oracle_covariance(view, i, keyframes, options);
     const Eigen::Vector3d x(view.position[i].x, view.position[i].y, view.position[i].z);
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     int in_reference = -1;  // the keypoint that says the octave

@@ -43,6 +43,9 @@ void check_appearance_arguments(const appearance_view& view, span<const posed_ke
     return argument_name(array, static_cast<std::size_t>(i));
   };
   check_scales(options.scales);
+  require(!options.covariance || options.geometry, "options.covariance", options.covariance, "needs geometry");
+  require(options.stereo_correlation >= 0 && options.stereo_correlation < 1, "options.stereo_correlation",
+          options.stereo_correlation, "must be at least 0 and below 1");
   check_observing_keyframes(keyframes, options);
   require(view.count >= 0, "view.count", view.count, "must not be negative");
   if (view.count == 0) return;

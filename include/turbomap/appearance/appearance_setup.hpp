@@ -41,8 +41,10 @@ detail::appearance_inputs<Descriptor, Camera> set_up_appearance(
   in.last_level = options.scales.levels - 1;
   buffers.points.resize_discard(count);
   buffers.descriptors.resize_discard(options.descriptors ? count * Descriptor::elements : 0);
-  if (options.geometry)
-    in.centre = ctx.template scratch<vec3<double>>(keyframes.size() * static_cast<std::size_t>(in.cameras));
+  const std::size_t cameras = keyframes.size() * static_cast<std::size_t>(in.cameras);
+  if (options.geometry) in.centre = ctx.template scratch<vec3<double>>(cameras);
+  if (options.covariance) in.T_camera_world = ctx.template scratch<isometry<double>>(cameras);
+  in.stereo_correlation = options.stereo_correlation;
   const upload_block block = ctx.begin_upload(buffers.inputs, inputs.bytes());
   for (std::size_t k = 0; k < keyframes.size(); ++k) {
     views.host(block)[k] = keyframes[k].view;

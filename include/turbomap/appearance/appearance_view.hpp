@@ -36,6 +36,8 @@ struct appearance_options {
   pyramid scales;           ///< its distances follow the octave of the reference observation
   bool descriptors = true;  ///< choose representative descriptors
   bool geometry = true;     ///< compute normals and distance ranges
+  bool covariance = false;  ///< compute how well positions are known, from the pixels of all views; needs geometry
+  double stereo_correlation = 0;  ///< for that: of the errors of u and u_right, in [0, 1)
 };
 
 /// What a point is after its observations or its position have changed. Without observations everything is 0.
@@ -46,6 +48,9 @@ struct point_appearance {
   float max_distance;  ///< m; distance to the reference keyframe * s^octave
   /// The observation with the representative descriptor, counted from the point's first; -1: none.
   std::int32_t medoid;
+  /// All 0: not asked for. Poses of the keyframes are taken as exact. Where the views leave the distance open, it is the
+  /// point's distance from the farthest camera, as one standard deviation.
+  point_covariance covariance = {};
 };
 
 /// Appearances as update_appearance() gives them, by number of the point.

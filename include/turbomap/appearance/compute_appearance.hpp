@@ -3,13 +3,15 @@
 #pragma once
 
 /// \file
-/// The appearance of one map point: mean viewing direction, distance range and representative descriptor from all its
-/// observations. Geometry in strict arithmetic: normal and range decide later, so they are the same bits everywhere.
+/// The appearance of one map point: mean viewing direction, distance range, representative descriptor and, where asked for, the
+/// covariance of its position, from all its observations. Geometry in strict arithmetic: normal, range and covariance decide
+/// later, so they are the same bits everywhere.
 
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 
+#include "../camera/point_uncertainty.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../math/linear.hpp"
@@ -30,14 +32,16 @@ struct appearance_inputs {
   const vec3<double>* position;            ///< null without geometry
   const std::int32_t* observation_offset;  ///< of the points
   const point_observation* observations;
-  const std::int32_t* reference;  ///< null without geometry
-  const float* scale;             ///< s^octave, 256
-  vec3<double>* centre;           ///< [keyframe][camera]: camera centres in the world; null without geometry
-  int cameras;                    ///< the most of any keyframe
+  const std::int32_t* reference;     ///< null without geometry
+  const float* scale;                ///< s^octave, 256
+  vec3<double>* centre;              ///< [keyframe][camera]: camera centres in the world; null without geometry
+  isometry<double>* T_camera_world;  ///< [keyframe][camera]; null without covariance
+  double stereo_correlation;
+  int cameras;  ///< the most of any keyframe
   int last_level;
 };
 
-/// Index = keyframe * cameras + camera: computes one camera centre.
+/// Index = keyframe * cameras + camera: computes one camera centre, and keeps the camera's pose where covariances need it.
 template <class Descriptor, class Camera>
 struct find_camera_centre {
   appearance_inputs<Descriptor, Camera> in;
@@ -49,6 +53,7 @@ struct find_camera_centre {
     const auto T = to_isometry<S>(in.keyframes[k].cameras[c].T_camera_body) * to_isometry<S>(in.T_cw[k]);
     const vec3<S> o = camera_centre(T);
     in.centre[i] = {o.x.value, o.y.value, o.z.value};
+    if (in.T_camera_world != nullptr) in.T_camera_world[i] = cast<double>(T);
   }
 };
 
@@ -76,6 +81,7 @@ struct compute_appearance {
     point_appearance p{};
     p.medoid = -1;
     if (in.centre != nullptr && n > 0) measure(i, seen, n, p);
+    if (in.T_camera_world != nullptr && n > 0) spread(i, seen, n, p);
     if (descriptors != nullptr) represent(i, seen, n, p);
     points[i] = p;
   }
@@ -109,6 +115,29 @@ struct compute_appearance {
     const strict<float> most = distance * strict<float>(in.scale[in.keyframes[reference].octave[keypoint]]);
     p.max_distance = most.value;
     p.min_distance = (most / strict<float>(in.scale[in.last_level])).value;
+  }
+  /// The covariance of the position. A point in the centre of all its cameras has none.
+  TURBOMAP_HD void spread(int i, const point_observation* seen, int n, point_appearance& p) const {
+    const vec3<S> X = cast<S>(in.position[i]);
+    symmetric3<S> information;
+    S farthest(0);
+    for (int j = 0; j < n; ++j) {
+      const keyframe_view<Descriptor, Camera>& keyframe = in.keyframes[seen[j].keyframe];
+      const int keypoint = seen[j].keypoint, camera = keyframe.camera_of(keypoint);
+      const S distance = norm(ray(i, seen[j].keyframe, camera));
+      if (distance > farthest) farthest = distance;
+      const rig_camera<Camera>& c = keyframe.cameras[camera];
+      const bool stereo = c.bf > 0 && keyframe.is_stereo(keypoint);
+      const S scale(in.scale[keyframe.octave[keypoint]]);
+      projected_point<S> view;
+      if (project_point(c.camera, cast<S>(in.T_camera_world[seen[j].keyframe * in.cameras + camera]),
+                        S(stereo ? c.bf : 0), X, view))
+        add_information(information, view, stereo, scale * scale, S(in.stereo_correlation));
+    }
+    if (!(farthest > S(0))) return;
+    const symmetric3<S> C = covariance_from(information, farthest);
+    const auto f = [](S a) { return static_cast<float>(a.value); };
+    p.covariance = {f(C.xx), f(C.yx), f(C.yy), f(C.zx), f(C.zy), f(C.zz)};
   }
   TURBOMAP_HD void represent(int i, const point_observation* seen, int n, point_appearance& p) const {
     typename Descriptor::element* mine = descriptors + static_cast<std::size_t>(i) * Descriptor::elements;

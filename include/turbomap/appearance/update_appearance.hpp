@@ -24,7 +24,8 @@ TURBOMAP_BEGIN_NAMESPACE
 /// [ORB-SLAM3]. The descriptor is the medoid: the one with the least median distance to all of the point's, itself
 /// included with distance 0; the median of n sorted distances is element floor((n - 1) / 2); of equals the first
 /// observation. Every camera's view counts. The range starts from the distance between the point and camera 0 of its
-/// reference keyframe, and the octave of its keypoint there: camera 0's if that sees the point, else the first.
+/// reference keyframe, and the octave of its keypoint there: camera 0's if that sees the point, else the first. The covariance
+/// of the position (if options.covariance) is the inverse of the sum of the views' information: camera/point_uncertainty.hpp.
 /// \param keyframes  all that observe a point; their arrays in the memory of the policy. has_point is not read
 /// \param result     overwritten. Under CUDA the work may still be running on return
 /// \throws std::invalid_argument  an index, offset, pose, position or option that cannot be; a reference keyframe that

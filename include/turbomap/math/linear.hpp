@@ -133,6 +133,13 @@ TURBOMAP_HD isometry<S> to_isometry(const rigid_transform<T>& T_ab) {
   const auto q = cast<S>(T_ab);
   return {rotation(q), translation(q)};
 }
+template <class S, class T>
+TURBOMAP_HD isometry<S> cast(const isometry<T>& a) {
+  isometry<S> b;
+  for (int i = 0; i < 9; ++i) b.R.m[i] = S(a.R.m[i]);
+  b.t = cast<S>(a.t);
+  return b;
+}
 template <class S>
 TURBOMAP_HD vec3<S> operator*(const isometry<S>& T, const vec3<S>& x) {
   return T.R * x + T.t;
