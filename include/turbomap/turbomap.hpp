@@ -34,6 +34,7 @@
 #include "inertial/bias_update.hpp"
 #include "inertial/imu_history.hpp"
 #include "inertial/imu_integrator.hpp"
+#include "inertial/inertial_residual.hpp"
 #include "inertial/merge.hpp"
 #include "inertial/predict.hpp"
 #include "inertial/preintegrate.hpp"

@@ -231,7 +231,7 @@ TEST_CASE("prediction: a body on a circle, in free fall") {
   imu_motion m;
   for (int i = 0; i < 1000; ++i) m.t_ns.push_back(i * ms), m.sample.push_back({{0, 0, rate}, {-r * rate * rate, 0, g}});
   turbomap::inertial_state<double> start;  // at (r, 0, 0), axes as the world's
-  start.T_bw.tx = -r, start.velocity = {0, r * rate, 0};
+  start.T_cw.tx = -r, start.velocity = {0, r * rate, 0};
   const double angle = rate * seconds;
   double error[2];
   for (const auto rule : {turbomap::integration_rule::midpoint, turbomap::integration_rule::first_order}) {
@@ -239,7 +239,7 @@ TEST_CASE("prediction: a body on a circle, in free fall") {
     options.rule = rule;
     const auto in = find_interval(m.samples(), 0, static_cast<std::int64_t>(seconds * 1e9));
     const auto end = turbomap::predict(start, preintegrate(m.samples(), in, imu_bias<double>{}, options), {0, 0, -g});
-    const auto T_wb = turbomap::inverse(turbomap::to_isometry<double>(end.T_bw));
+    const auto T_wb = turbomap::inverse(turbomap::to_isometry<double>(end.T_cw));
     error[rule == turbomap::integration_rule::midpoint ? 0 : 1] =
         (to_eigen(T_wb.t) - r * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0)).norm() +
         (to_eigen(end.velocity) - r * rate * Eigen::Vector3d(-std::sin(angle), std::cos(angle), 0)).norm();
@@ -253,8 +253,8 @@ TEST_CASE("prediction: a body on a circle, in free fall") {
   start.velocity = {1, 0, 2};
   const auto fall = preintegrate(m.samples(), find_interval(m.samples(), 0, 500 * ms), imu_bias<double>{}, {});
   const auto fallen = turbomap::predict(start, fall, {0, 0, -g});
-  CHECK(-fallen.T_bw.tx == doctest::Approx(r + 0.5).epsilon(1e-12));
-  CHECK(-fallen.T_bw.tz == doctest::Approx(1 - g / 8).epsilon(1e-12));
+  CHECK(-fallen.T_cw.tx == doctest::Approx(r + 0.5).epsilon(1e-12));
+  CHECK(-fallen.T_cw.tz == doctest::Approx(1 - g / 8).epsilon(1e-12));
   CHECK(fallen.velocity.z == doctest::Approx(2 - g / 2).epsilon(1e-12));
 }
 

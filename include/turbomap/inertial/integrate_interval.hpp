@@ -19,19 +19,6 @@ TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
-/// Exp(w) and its right Jacobian: Exp(w + d) = Exp(w) Exp(right d) to first order.
-template <class S>
-struct rotation_jacobian {
-  mat3<S> exp, right;
-
-  TURBOMAP_HD explicit rotation_jacobian(const vec3<S>& w) {
-    const rotation_coefficients<S> k(squared_norm(w));
-    const mat3<S> W = skew(w), WW = W * W;
-    exp = identity3<S>() + k.a * W + k.b * WW;
-    right = identity3<S>() + (S(0) - k.b) * W + k.c * WW;
-  }
-};
-
 /// A preintegration of one step: the body turns by the angular velocity w and has the specific force a, both without
 /// bias, for dt seconds.
 template <class S>

@@ -92,7 +92,7 @@ void launch_preintegrate(const thrust::execution_policy<Derived>& policy, int in
 /// \throws std::invalid_argument  sizes, options, or the data of an interval: times that do not increase, a gap above
 ///                                options.max_gap, samples that do not reach its ends, NaN, saturated values. Nothing
 ///                                is changed
-/// Cost: O(samples of all intervals), about 1 us per sample on a CPU core.
+/// Cost: O(samples of all intervals), about 1.5 us per sample on a CPU core.
 template <class S, class Policy>
 void preintegrate(context<Policy>& ctx, const imu_samples& samples, span<const imu_interval> intervals,
                   span<const imu_bias<S>> biases, const preintegration_options& options,

@@ -51,11 +51,12 @@ struct preintegration {
 
 static_assert(std::is_trivially_copyable_v<preintegration<double>>);
 
-/// What a frame of a visual-inertial problem knows about itself.
+/// What a frame of a visual-inertial problem knows about itself. Its unknowns are 15, in this order: a step (omega, v)
+/// of the pose, exp(omega, v) T_cw as left_exp() has it; velocity; bias of the gyroscope; bias of the accelerometer.
 template <class S>
 struct inertial_state {
-  rigid_transform<S> T_bw;             ///< world to body: the frame in which the IMU measures
-  vec3<S> velocity{S(0), S(0), S(0)};  ///< of the body in the world, m/s
+  rigid_transform<S> T_cw;  ///< world to the frame in which visual residuals are, e.g. that of the left camera
+  vec3<S> velocity{S(0), S(0), S(0)};  ///< of the IMU in the world, m/s
   imu_bias<S> bias;
 };
 

@@ -32,7 +32,8 @@ enum class integration_rule : unsigned char {
 struct preintegration_options {
   imu_noise noise;
   integration_rule rule = integration_rule::midpoint;
-  /// Longest time between two samples, s. Ours: ten periods at 200 Hz. In between the measurements are taken from a line.
+  /// Longest time between two samples, s. Ours: ten periods at 200 Hz. In between the measurements are taken from a
+  /// line.
   double max_gap = 0.05;
   /// How far from an end of the interval the samples may begin or stop, s. Two periods at 200 Hz: a frame often
   /// comes before the first sample after it.

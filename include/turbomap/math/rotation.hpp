@@ -60,6 +60,19 @@ TURBOMAP_HD mat3<S> rotation_exp(const vec3<S>& w) {
   return identity3<S>() + k.a * W + k.b * (W * W);
 }
 
+/// Exp(w) and its right Jacobian: Exp(w + d) = Exp(w) Exp(right d) to first order.
+template <class S>
+struct rotation_jacobian {
+  mat3<S> exp, right;
+
+  TURBOMAP_HD explicit rotation_jacobian(const vec3<S>& w) {
+    const rotation_coefficients<S> k(squared_norm(w));
+    const mat3<S> W = skew(w), WW = W * W;
+    exp = identity3<S>() + k.a * W + k.b * WW;
+    right = identity3<S>() + (S(0) - k.b) * W + k.c * WW;
+  }
+};
+
 /// The isometry as quaternion and translation; the quaternion has qw >= 0 or is that of a rotation by more than 120
 /// degrees. R must be a rotation.
 template <class S>
