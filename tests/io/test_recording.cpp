@@ -19,6 +19,7 @@
 
 #include "scenes/recording_samples.hpp"
 #include "support/files.hpp"
+#include "support/refused.hpp"
 
 using turbomap_test::bad_file_message;
 using turbomap_test::has;

@@ -12,8 +12,9 @@
 
 #include <doctest/doctest.h>
 
-#include "scenes/recording_samples.hpp"
+#include "snapshot_samples.hpp"
 #include "support/files.hpp"
+#include "support/refused.hpp"
 
 using turbomap_test::bad_file_message;
 using turbomap_test::has;
@@ -30,136 +31,20 @@ using pose = turbomap::rigid_transform<float>;
 using pair = turbomap::index_pair;
 using vec3 = turbomap::vec3<float>;
 
-/// Iteration 1 of the small recording: keyframes 0 and 1 of five keypoints each, one row or two in everything.
-class snapshot_folder {
+class snapshot_folder : private turbomap_test::temporary_directory, public turbomap_test::snapshot_files {
  public:
-  explicit snapshot_folder(bool fisheye = false) : recording_(small_recording(fisheye)) {
-    std::filesystem::create_directories(where());
-    turbomap_test::write_bytes(where() / "meta.json", meta);
-    put_search();
-    put_fusion(fisheye ? 2 : 1);
-    put_map_update();
-    put_culling();
-  }
+  explicit snapshot_folder(bool fisheye = false)
+      : snapshot_files(turbomap::snapshot_directory(path(), 1), fisheye), recording_(small_recording(fisheye)) {}
 
-  template <class Row>
-  void put(const std::string& name, const std::vector<Row>& rows) const {
-    turbomap::write_npy_rows(file(name), rows);
-  }
-  template <class T>
-  void put(const std::string& name, const std::vector<T>& values, const std::vector<std::size_t>& shape) const {
-    turbomap::write_npy<T>(file(name), values, shape);
-  }
-  void remove(const std::string& name) const { std::filesystem::remove(file(name)); }
-  std::filesystem::path where() const { return turbomap::snapshot_directory(folder_.path(), 1); }
   turbomap::recording_snapshot read(i4 iteration = 1) const {
-    return turbomap::read_snapshot(recording_, folder_.path(), iteration);
+    return turbomap::read_snapshot(recording_, path(), iteration);
   }
   std::string error(i4 iteration = 1) const {
     return bad_file_message([&] { read(iteration); });
   }
   turbomap::recording& recording() { return recording_; }
 
-  static constexpr const char* meta = R"({"iter":1,"kf":1,"N":5,"inertial_run":1,"imu_initialized":0,)"
-                                      R"("cull_redundant_th":0.5,"cull_last_id_kf_mnId":3,"cull_keyframes_in_map":2})";
-
  private:
-  std::filesystem::path file(const std::string& name) const { return where() / (name + ".npy"); }
-
-  void put_search() const {
-    put("kf_alive", std::vector<i4>{0, 1});
-    put("kf_Tcw", std::vector<pose>(2));
-    put("covis_kf", std::vector<i4>{0});
-    put("covis_w", std::vector<i4>{1});
-    put("sft_neigh", std::vector<i4>{0});
-    put("sft_baseline", std::vector<float>{1});
-    put("sft_Ow1_used", std::vector<vec3>(1));
-    put("sft_skipped", std::vector<u1>{0});
-    put("sft_mask1", std::vector<u1>{1, 0, 0, 0, 0}, {1, 5});
-    put("sft_mask2_off", std::vector<i8>{0, 5});
-    put("sft_mask2", std::vector<u1>{0, 1, 0, 0, 0});
-    for (const std::string name : {"sft_pairs", "sftb_pairs"}) {
-      put(name + "_off", std::vector<i8>{0, 1});
-      put(name, std::vector<pair>{{1, 4}});
-    }
-    put("cnm_code", std::vector<u1>{1});
-    put("cnm_method", std::vector<i1>{-1});
-    put("cnm_x3D", std::vector<vec3>{{NAN, NAN, NAN}});
-  }
-
-  void put_fusion(std::size_t cameras) const {
-    put("fs_pos", std::vector<vec3>{{1, 2, 3}, {4, 5, 6}});
-    put("fs_normal", std::vector<vec3>(2));
-    for (const char* name : {"fs_mindist", "fs_maxdist", "fs_rawmax"}) put(name, std::vector<float>{1, 2});
-    put("fs_desc", std::vector<turbomap::descriptor_bytes>(2));
-    put("fs_pt", std::vector<i4>{7, 8});
-    put("fuse_targets", std::vector<i4>{0});
-    put("fuse_call_kf", std::vector<i4>{0, 1});
-    put("fuse_call_right", std::vector<u1>{0, 0});
-    put("fuse_call_dir", std::vector<u1>{0, 1});
-    put("fuse_call_off", std::vector<i8>{0, 2, 3});
-    put("fuse_e_state", std::vector<i4>{0, -1, 1});
-    put("fuse_e_code", std::vector<u1>{0, 2, 8});
-    put("fuse_e_bestidx", std::vector<i4>{3, -1, -1});
-    put("fuse_e_bestdist", std::vector<i4>{20, 256, 256});
-    put("fuse_e_level", std::vector<i1>{1, -1, 2});
-    put("fuse_e_action", std::vector<u1>{2, 0, 0});
-    put("fuse_e_nobs", std::vector<i4>{2, 3, 4});
-    put("fuse_e_inkf_nobs", std::vector<i4>{5, -1, -1});
-    put("fuse_e_inkf_pt", std::vector<i4>{8, -1, -1});
-    const auto batch = [&](const std::string& prefix, std::size_t targets, std::size_t points) {
-      const std::size_t n = targets * cameras * points;
-      std::vector<std::size_t> shape{cameras, points};
-      if (prefix == "fuseb_fwd_") shape.insert(shape.begin(), targets);
-      put(prefix + "code", std::vector<u1>(n, 1), shape);
-      put(prefix + "bestidx", std::vector<i4>(n, 4), shape);
-      put(prefix + "bestdist", std::vector<i4>(n, 77), shape);
-      put(prefix + "level", std::vector<i1>(n, 2), shape);
-    };
-    put("fuseb_fwd_kp", std::vector<i4>{0, 2});
-    put("fuseb_fwd_state", std::vector<i4>{0, 1});
-    batch("fuseb_fwd_", 1, 2);
-    put("fuseb_bwd_state", std::vector<i4>{1});
-    batch("fuseb_bwd_", 1, 1);
-  }
-
-  void put_map_update() const {
-    put("fpost_kp", std::vector<i4>{2});
-    put("fpost_pt", std::vector<i4>{7});
-    put("fpost_pos", std::vector<vec3>{{1, 2, 3}});
-    put("fpost_normal", std::vector<vec3>{{0, 0, 1}});
-    put("fpost_mindist", std::vector<float>{1});
-    put("fpost_maxdist", std::vector<float>{5});
-    put("fpost_desc", std::vector<turbomap::descriptor_bytes>(1));
-    put("fpost_nobs", std::vector<i4>{2});
-    put("fpost_refkf", std::vector<i4>{0});
-    put("fpost_obs_off", std::vector<i8>{0, 2});
-    put("fpost_obs_kf", std::vector<i4>{0, 2});  // 2 is not in the map, and has a final pose
-    put("fpost_obs_lr", std::vector<pair>{{2, -1}, {2, -1}});
-    put("fpost_covis_kf", std::vector<i4>{0});
-    put("fpost_covis_w", std::vector<i4>{15});
-  }
-
-  void put_culling() const {
-    put("cull_in_kf", std::vector<i4>{0});
-    put("cull_kf_prevnext", std::vector<pair>{{-1, 1}});
-    put("cull_kf_off", std::vector<i8>{0, 2});
-    put("cull_kf_kp", std::vector<i4>{1, 2});
-    put("cull_kf_pt", std::vector<i4>{1, 0});
-    put("cull_pt_id", std::vector<i4>{4, 9});
-    put("cull_pt_nobs", std::vector<i4>{3, 2});
-    put("cull_pt_scalecount", std::vector<std::array<i4, 8>>(2));
-    put("cull_obs_off", std::vector<i8>{0, 2, 3});
-    put("cull_obs_kf", std::vector<i4>{0, 2, 0});
-    put("cull_obs_lr", std::vector<pair>{{2, -1}, {1, -1}, {1, -1}});
-    put("cull_obs_octave", std::vector<u1>{2, 1, 1});
-    for (const char* name : {"cull_dry_nmps", "cull_nmps"}) put(name, std::vector<i4>{2});
-    for (const char* name : {"cull_dry_nred", "cull_dry_nred_opt", "cull_nred"}) put(name, std::vector<i4>{1});
-    put("cull_kf", std::vector<i4>{0});
-    put("cull_status", std::vector<u1>{1});
-  }
-
-  turbomap_test::temporary_directory folder_;
   turbomap::recording recording_;
 };
 

@@ -14,6 +14,7 @@
 
 #include <doctest/doctest.h>
 
+#include "snapshot_samples.hpp"
 #include "support/files.hpp"
 
 using namespace turbomap_test;
@@ -28,9 +29,7 @@ using bytes = std::vector<std::uint8_t>;
 using floats = std::vector<float>;
 using doubles = std::vector<double>;
 
-const std::string meta =
-    R"({"lba": {"inertial": 0, "iterations": 7, "user_lambda_init": 100, "robust_chi2_before": 12.5,)"
-    R"( "robust_chi2_after": 11.25, "n_opt": 2}})";
+const std::string meta = turbomap_test::adjustment_meta;
 
 /// Three keyframes of four keypoints.
 turbomap::recording small_recording(bool second_camera) {
@@ -51,44 +50,13 @@ turbomap::recording small_recording(bool second_camera) {
   return record.data();
 }
 
-/// Keyframes 2 and 0 optimised (0 fixed), 1 fixed; two points, three observations.
-void write_adjustment(const std::filesystem::path& folder, bool second_camera) {
-  std::filesystem::create_directories(folder);
-  write_bytes(folder / "meta.json", meta);
-  const auto write = [&](const char* name, const auto& rows) {
-    turbomap::write_npy_rows(folder / (std::string(name) + ".npy"), rows);
-  };
-  std::vector<pose> poses(3);
-  poses[0].tx = 1, poses[1].tx = 2;
-  write("lba_kf", ints{2, 0, 1});
-  write("lba_kf_fixed", bytes{0, 1, 1});
-  write("lba_Tcw_before", poses);
-  poses[0].tx = 1.5F;
-  write("lba_Tcw_after", poses);
-  write("lba_pose_after_d", std::vector<std::array<double, 12>>{{1, 0, 0, 0, 1, 0, 0, 0, 1, 1.5, 0, 0}, {1, 2, 3}});
-  write("lba_pt_id", ints{70, 30});
-  write("lba_pt_before", std::vector<point>{{1, 2, 3}, {4, 5, 6}});
-  write("lba_pt_after", std::vector<point>{{1, 2, 3.5F}, {4, 5, 6}});
-  write("lba_pt_after_d", std::vector<turbomap::vec3<double>>{{1, 2, 3.5}, {4, 5, 6}});
-  write("lba_e_kf", ints{0, 1, 2});
-  write("lba_e_pt", ints{0, 0, 1});
-  write("lba_e_kp", ints{3, 0, 1});
-  write("lba_e_type", bytes{0, 1, std::uint8_t(second_camera ? 2 : 1)});
-  write("lba_e_obs", std::vector<point>{{10, 11, -1}, {20, 21, 15}, {30, 31, 25}});
-  write("lba_e_invsigma2", floats{1, 0.5F, 0.25F});
-  write("lba_e_chi2_before", doubles{1, 2, 3});
-  write("lba_e_chi2_after", doubles{0.5, 2, 9});
-  write("lba_e_outlier", bytes{0, 0, 1});
-  write("lba_e_depthpos", bytes{1, 1, 1});
-}
-
 /// Writes an adjustment, changes it, and reads it.
 std::optional<turbomap::adjustment_snapshot> read(
     bool second_camera = false,
     const std::function<void(const std::filesystem::path&)>& damage = [](const std::filesystem::path&) {}) {
   const temporary_directory folder;
   const auto where = turbomap::snapshot_directory(folder.path(), 2);
-  write_adjustment(where, second_camera);
+  turbomap_test::write_adjustment(where, second_camera);
   damage(where);
   return turbomap::read_adjustment_snapshot(small_recording(second_camera), folder.path(), 2);
 }

@@ -1,0 +1,30 @@
+#!/usr/bin/env bash
+# SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+# SPDX-License-Identifier: Apache-2.0
+
+# run.sh [SECONDS [TARGET...]]: builds the fuzz targets in build/fuzz with clang++ and runs each (or those named) for this
+# time, 60 s by default, from tests/fuzz/corpus. New inputs are kept in build/fuzz/corpus. An input that a target stops at is
+# in build/fuzz/findings, and the exit status is 1.
+set -eu -o pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+seconds=${1:-60}
+targets=("${@:2}")
+
+cmake --preset fuzz >/dev/null
+cmake --build --preset fuzz
+if [ ${#targets[@]} -eq 0 ]; then
+  for program in build/fuzz/fuzz/fuzz_*; do targets+=("${program#build/fuzz/fuzz/fuzz_}"); done
+fi
+mkdir -p build/fuzz/findings
+status=0
+for target in "${targets[@]}"; do
+  mkdir -p "build/fuzz/corpus/$target"
+  log=build/fuzz/$target.log
+  result=ok
+  "build/fuzz/fuzz/fuzz_$target" "build/fuzz/corpus/$target" "tests/fuzz/corpus/$target" -max_total_time="$seconds" \
+    -max_len=4096 -timeout=20 -rss_limit_mb=4096 -artifact_prefix="build/fuzz/findings/$target-" >"$log" 2>&1 ||
+    { result="FOUND SOMETHING, see $log"; status=1; }
+  executions=$(sed -nE 's/^Done ([0-9]+) runs.*/\1/p' "$log")
+  printf '%-16s %10s executions  %s\n' "$target" "${executions:--}" "$result"
+done
+exit $status
