@@ -128,6 +128,7 @@ int main(int argc, char** argv) try {
   app.add_option("--report", a.report, "write a page with map, times and growth to this file (HTML)");
   app.add_option("--json", a.json, "write the result to this file");
   app.add_option("--trajectory", a.trajectory, "write the keyframes' body poses to this file (TUM format)");
+  app.add_flag("!--no-bound", a.bound, "simulated recordings: leave out the adjustment of all true observations");
   app.add_option("--repeat", a.repeat, "replay so many times and time all of them")->check(CLI::PositiveNumber);
   try {
     app.parse(argc, argv);

@@ -29,6 +29,7 @@ struct arguments {
   std::filesystem::path recording;
   std::string policy = "seq";
   std::vector<std::string> beside;  ///< more policies that the recording is replayed under
+  bool bound = true;                ///< of a simulated recording: the error of the batch adjustment is computed
   bool quiet = false;               ///< of the replays beside the first: nothing is printed, no trajectory judged
   bool check = false;
   /// Stages that are switched on.

@@ -132,7 +132,7 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
     o.json["associations_projected_kept_right"] = result.projected_kept_right;
   }
   if (!arguments.quiet) {
-    add_trajectory_errors<Camera>(recording, policy, result.T_cw, result.alive, o.json);
+    add_trajectory_errors<Camera>(recording, policy, result.T_cw, result.alive, o.json, arguments.bound);
     print_outcome(o.json, stages);
   }
   if (arguments.check) {  // a recording without snapshots: properties that need no recorded truth
