@@ -17,7 +17,7 @@
 #include "config.hpp"
 #include "context.hpp"
 #include "map/neighbourhood.hpp"
-#include "mapping/appearance_update.hpp"
+#include "mapping/due_appearances.hpp"
 #include "mapping/duplicate_fusion.hpp"
 #include "mapping/keyframe_culling.hpp"
 #include "mapping/local_adjustment.hpp"
@@ -73,7 +73,7 @@ class local_mapper {
         creation_(ctx),
         fusion_(ctx),
         adjustment_(ctx),
-        appearance_(ctx) {
+        due_(ctx) {
     static_assert(require_map_traits<Map>());
     require(options.deadline_ms >= 0, "options.deadline_ms", options.deadline_ms, "must not be negative");
     require(options.neighbours.stereo_baseline >= 0, "options.neighbours.stereo_baseline",
@@ -118,6 +118,7 @@ class local_mapper {
       require(traits::alive(map_, current), "keyframe", "dead", "is not in the map, or no longer");
       stored_.at(traits::id(map_, current));  // throws when it is not there
     }
+    const in_progress processing(processing_);
     stage(mapping_stage::process, current, &local_mapper::update_associated);
     stage(mapping_stage::point_culling, current, &local_mapper::cull_points);
     stage(mapping_stage::search, current, &local_mapper::search);
@@ -126,19 +127,23 @@ class local_mapper {
     stage(mapping_stage::adjustment, current, &local_mapper::adjust);
     stage(mapping_stage::keyframe_culling, current, &local_mapper::cull);
     search_.release();
+    if (!due_.empty()) update_due(due_stage());
     report_.total_ms = budget_.elapsed_ms();
     ++iteration_;
     return report_;
   }
 
-  /// Normals and distance ranges of points whose position was changed, e.g. in the adjust hook.
+  /// Normals and distance ranges of points whose position was changed, e.g. in the adjust hook: during process() they are
+  /// computed at its end, with all that is due by then, otherwise at once.
   void update_geometry(span<const point> points) {
-    appearance_options options = appearance();
-    options.descriptors = false;
-    appearance_(scope_of(mapping_stage::adjustment), points, options);
+    due_.moved(points);
+    if (!processing_) update_due(mapping_stage::adjustment);
   }
-  /// Descriptors, normals and distance ranges of points whose observations were changed, e.g. in the adjust hook.
-  void update_appearance(span<const point> points) { update(scope_of(mapping_stage::adjustment), points); }
+  /// Descriptors, normals and distance ranges of points whose observations were changed: likewise.
+  void update_appearance(span<const point> points) {
+    due_.changed(points);
+    if (!processing_) update_due(mapping_stage::adjustment);
+  }
 
   const mapping_report& report() const { return report_; }
   local_mapper_options& options() { return options_; }
@@ -150,6 +155,17 @@ class local_mapper {
 
  private:
   enum piece : std::size_t { search_a_neighbour, create_all, fuse_a_target, fuse_back, cull_a_keyframe, pieces };
+
+  /// True while process() runs, also where it ends with an exception.
+  struct in_progress {
+    explicit in_progress(bool& flag) : flag_(flag) { flag_ = true; }
+    in_progress(const in_progress&) = delete;
+    in_progress& operator=(const in_progress&) = delete;
+    ~in_progress() { flag_ = false; }
+
+   private:
+    bool& flag_;
+  };
 
   using stage_function = void (local_mapper::*)(keyframe, const scope&);
   static constexpr bool adjusts = !std::is_same_v<Adjustment, no_adjustment>;
@@ -200,18 +216,28 @@ class local_mapper {
     options.scales = options_.fusion.search.scales;
     return options;
   }
-  void update(const scope& s, span<const point> points) {
-    report_.points_updated += appearance_(s, points, appearance());
+  /// Appearances are read by fusion, and by tracking after process(). So what fusion, adjustment and culling change is
+  /// computed once, at the end, and its time is that of the stage that touches most points.
+  mapping_stage due_stage() const {
+    for (const auto s : {mapping_stage::adjustment, mapping_stage::fusion})
+      if (report_.outcome[s] == stage_outcome::done || report_.outcome[s] == stage_outcome::cut) return s;
+    return mapping_stage::keyframe_culling;
+  }
+  void update_due(mapping_stage s) {
+    const double begin = budget_.elapsed_ms();
+    report_.points_updated += due_.update(scope_of(s), appearance());
+    report_.ms[s] += budget_.elapsed_ms() - begin;
   }
 
   void update_associated(keyframe current, const scope& s) {
+    points_.clear();
     {
       const auto guard = s.guard();
-      points_.clear();
       for (std::size_t i = 0; i < keypoint_count_of(map_, current); ++i)
         points_.push_back(traits::point_at(map_, current, i));
     }
-    update(s, points_);
+    due_.changed(points_);
+    report_.points_updated += due_.update(s, appearance());
   }
 
   void cull_points(keyframe, const scope& s) {
@@ -223,7 +249,10 @@ class local_mapper {
                          [this](std::size_t n) { return budget_.fitting(search_a_neighbour, n); }))
       cut(search_a_neighbour);
     report_.neighbours = search_.neighbour_count();
-    timed(search_a_neighbour, static_cast<double>(report_.neighbours), [&] { search_.compute(s, options_.search); });
+    search_options options = options_.search;
+    if (options_.creation.rule == creation_rule::tracks)
+      options.across_rig = options.across_rig || options_.neighbours.across_rig;
+    timed(search_a_neighbour, static_cast<double>(report_.neighbours), [&] { search_.compute(s, options); });
   }
 
   void create(keyframe, const scope& s) {
@@ -232,9 +261,12 @@ class local_mapper {
     if (!budget_.fits(create_all)) return cut(create_all);
     timed(create_all, 1, [&] {
       const auto& created = creation_(s, search_, options_.creation, appearance());
-      report_.matches = creation_.plan().size();
+      report_.matches = creation_.matches();
+      report_.creation = creation_.summary();
       report_.points_created = created.size();
       report_.points_updated += created.size();
+      due_.changed(creation_.due());
+      if (!due_.empty()) report_.points_updated += due_.update(s, appearance());  // fusion reads it
       watch(created);
     });
   }
@@ -258,7 +290,7 @@ class local_mapper {
     } else {
       timed(fuse_back, 1, [&] { report_.fused += fusion_.backward(s, current, targets, options_.fusion); });
     }
-    update(s, fusion_.touched());
+    due_.changed(fusion_.touched());
   }
 
   void adjust(keyframe current, const scope& s) {
@@ -273,8 +305,8 @@ class local_mapper {
       const double limit = options.solve.time_budget_ms;
       if (options_.deadline_ms > 0 && !(limit > 0 && limit < left)) options.solve.time_budget_ms = left;
       report_.adjustment = adjustment_(s, current, options);
-      update_geometry(adjustment_.points());
-      update(s, adjustment_.points_that_lost_views());
+      due_.moved(adjustment_.points());
+      due_.changed(adjustment_.points_that_lost_views());
     }
   }
 
@@ -297,7 +329,7 @@ class local_mapper {
             });
       });
     }
-    if (!culling_.touched().empty()) update(s, culling_.touched());
+    due_.changed(culling_.touched());
   }
 
   context<Policy>& ctx_;
@@ -314,7 +346,7 @@ class local_mapper {
   duplicate_fusion<Map, Policy> fusion_;
   std::conditional_t<adjusts, Adjustment, absent_adjustment> adjustment_;
   keyframe_culling<Map, Policy> culling_;
-  appearance_update<Map, Policy> appearance_;
+  due_appearances<Map, Policy> due_;
 
   std::int64_t iteration_ = 0;
   time_budget<pieces> budget_;
@@ -323,6 +355,7 @@ class local_mapper {
   bool stopped_ = false;
   list_of<keyframe> keyframes_;
   list_of<point> points_;
+  bool processing_ = false;
 };
 
 TURBOMAP_END_NAMESPACE

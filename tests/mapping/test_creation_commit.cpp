@@ -139,7 +139,7 @@ TEST_CASE("bad plans are refused with the map as it was") {
   try {
     c.run({c.entry(0, 0, 4)});
   } catch (const std::invalid_argument& e) {
-    CHECK(std::string(e.what()) == "turbomap: plan[].candidate = 4: is not a keypoint of the keyframe");
+    CHECK(std::string(e.what()) == "turbomap: observations[].keypoint = 4: is not a keypoint of the keyframe");
   }
 }
 
@@ -157,6 +157,74 @@ TEST_CASE("slots that contradict the map are refused before the first point is m
   CHECK(everything(c.map) == before);
   c.run({c.entry(0, 0, 0), c.entry(1, 2, 2)});
   CHECK(c.created.size() == 2);
+}
+
+/// Points with any number of views: (number of a keyframe, keypoint) each; number 0 is the query.
+template <class Map>
+struct views_of_points {
+  std::vector<turbomap::vec3<double>> positions;
+  std::vector<std::int32_t> offsets{0};
+  std::vector<turbomap::point_observation> observations;
+
+  void add(const std::vector<turbomap::point_observation>& views) {
+    positions.push_back({static_cast<double>(positions.size()), 2, 3});
+    observations.insert(observations.end(), views.begin(), views.end());
+    offsets.push_back(static_cast<std::int32_t>(observations.size()));
+  }
+  /// \return the points that are due
+  std::vector<typename creation<Map>::point> commit(creation<Map>& c) const {
+    std::vector<typename creation<Map>::keyframe> keyframes{c.query};
+    keyframes.insert(keyframes.end(), c.neighbours.begin(), c.neighbours.end());
+    std::vector<typename creation<Map>::point> due;
+    turbomap::commit_points<Map>(c.map, turbomap::new_points_view{positions, offsets, observations}, c.looks, keyframes,
+                                 c.created, due);
+    return due;
+  }
+};
+
+TEST_CASE_TEMPLATE("a point enters with the views that are possible, if these are two", Map, flat_map, pointer_map) {
+  creation<Map> c(4);
+  using traits = turbomap::map_traits<Map>;
+  const auto mine = traits::add_point(c.map, {}, c.query);
+  CHECK(turbomap::observe(c.map, mine, c.neighbours[1], 3));
+  turbomap::erase_keyframe(c.map, c.neighbours[3]);
+  views_of_points<Map> plan;
+  plan.add({{0, 0}, {1, 0}, {2, 0}});     // all three
+  plan.add({{0, 1}, {1, 1}, {2, 3}});     // one keypoint has a point
+  plan.add({{0, 2}, {2, 3}, {4, 1000}});  // one more is of a keyframe that is gone: one is left
+  plan.add({{0, 0}, {1, 2}, {3, 2}});     // the query's keypoint went to the first
+  plan.add({{0, 2}, {1, 3}});             // what the third did not take
+  const auto due = plan.commit(c);
+  REQUIRE(c.created.size() == 4);
+  REQUIRE(due.size() == 2);
+  CHECK((due[0] == c.created[1] && due[1] == c.created[2]));
+  CHECK(traits::reference(c.map, c.created[0]) == c.query);
+  CHECK(traits::reference(c.map, c.created[2]) == c.neighbours[0]);
+  CHECK((c.at(c.neighbours[1], 0) == c.created[0] && c.at(c.neighbours[1], 3) == mine));
+  CHECK((c.at(c.neighbours[0], 2) == c.created[2] && c.at(c.neighbours[2], 2) == c.created[2]));
+  CHECK((c.at(c.query, 2) == c.created[3] && c.at(c.neighbours[0], 3) == c.created[3]));
+  if constexpr (std::is_same_v<Map, flat_map>) CHECK(turbomap::validate(c.map).empty());
+}
+
+TEST_CASE("bad views are refused with the map as it was") {
+  creation<flat_map> c;
+  const auto before = everything(c.map);
+  for (const turbomap::point_observation bad :
+       {turbomap::point_observation{-1, 0}, turbomap::point_observation{3, 0}, turbomap::point_observation{1, -1},
+        turbomap::point_observation{1, 4}}) {
+    views_of_points<flat_map> plan;
+    plan.add({{0, 0}, {1, 0}});
+    plan.add({{0, 1}, bad});
+    CHECK_THROWS_AS(plan.commit(c), std::invalid_argument);
+  }
+  views_of_points<flat_map> plan;
+  plan.add({{0, 0}, {1, 0}});
+  plan.offsets.back() = 3;
+  CHECK_THROWS_AS(plan.commit(c), std::invalid_argument);
+  plan.offsets.push_back(2);
+  CHECK_THROWS_AS(plan.commit(c), std::invalid_argument);
+  CHECK(everything(c.map) == before);
+  CHECK(c.created.empty());
 }
 
 TEST_CASE_TEMPLATE("random plans: what first_claims() says", Map, flat_map, pointer_map) {

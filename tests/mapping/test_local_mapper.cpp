@@ -7,6 +7,7 @@
 
 #include <thrust/execution_policy.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -21,6 +22,7 @@
 #include <vector>
 
 #include "local_mapper_cases.hpp"
+#include "scenes/described_map.hpp"
 #include "scenes/lying_map.hpp"
 #include "scenes/watched_map.hpp"
 #include "support/counted_new.hpp"
@@ -247,6 +249,40 @@ TEST_CASE("what adjustment moves, and what outliers leave, is described anew") {
   const std::string now = content(run.map);
   run.mapper.update_appearance(turbomap::span<const turbomap::map_point_id>(all));
   CHECK(content(run.map) == now);
+}
+
+TEST_CASE("an appearance is computed once between two stages that read it") {
+  auto c = stereo_case(noisy(11));
+  c.options.adjustment.mono_chi2 = c.options.adjustment.stereo_chi2 = 1;  // many outliers
+  const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
+  described_map* map = nullptr;
+  std::size_t before_fusion = 0;
+  turbomap::local_mapper_hooks<described_map> hooks;
+  hooks.stage_done = [&](mapping_stage s, const turbomap::mapping_report&) {
+    if (s == mapping_stage::creation) before_fusion = map->described.size();
+  };
+  mapping_run<described_map, sequential, turbomap::local_adjustment<described_map, sequential>> run(scene, c.options,
+                                                                                                    hooks);
+  map = &run.map;
+  std::size_t merged = 0, adjusted = 0, outliers = 0, culled = 0;
+  for (int n = 0; n < 12; ++n) {
+    run.map.described.clear();
+    const auto& report = run.step();
+    // Tracking reads, process() reads (fusion), tracking reads: so once before fusion, and once after it.
+    CHECK(report.points_updated == run.map.described.size());
+    const auto first = run.map.described.begin(), fusion = first + static_cast<std::ptrdiff_t>(before_fusion);
+    for (const auto& [begin, end] : {std::pair(first, fusion), std::pair(fusion, run.map.described.end())}) {
+      std::vector<std::uint64_t> ids(begin, end);
+      std::sort(ids.begin(), ids.end());
+      CHECK(std::adjacent_find(ids.begin(), ids.end()) == ids.end());
+    }
+    merged += report.fused.merged, adjusted += report.adjustment.points, outliers += report.adjustment.outliers;
+    culled += report.keyframes_culled.size();
+  }
+  CHECK(merged > 0);
+  CHECK(adjusted > 0);
+  CHECK(outliers > 0);
+  CHECK(culled > 0);
 }
 
 TEST_CASE("a hook adjusts in place of the mapper's own stage") {

@@ -106,6 +106,11 @@ TEST_CASE("distances that are floating-point numbers") {
   joiner(matches, {}, -1, got);
   REQUIRE(got.size() == 1);
   CHECK(got.views[0].keypoint == 2);
+  using long_match = turbomap::correspondence<double>;
+  const std::vector<long_match> wide{{0, 0, 1, 0.5}, {0, 1, 1, 0.25}, {0, 2, 1, 0.3}};
+  joiner(wide, {}, -1, got);
+  REQUIRE(got.size() == 1);
+  CHECK(got.views[0].keypoint == 1);
 }
 
 TEST_CASE("nothing, and what cannot be") {

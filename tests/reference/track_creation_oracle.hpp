@@ -125,6 +125,9 @@ class track_oracle {
   fit refine(const std::vector<std::size_t>& views, Eigen::Vector3d& x) {
     fit f = compare(views, x);
     for (int step = 0; step < options_.refinement_steps && !f.behind; ++step) {
+      // A direction that is hardly known: both lose digits, and what leaves may hang on that.
+      const Eigen::Vector3d known = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(f.information).eigenvalues();
+      calls_.any = calls_.any || !(known[0] > 1e-7 * known[2]);
       const Eigen::Vector3d move = f.information.ldlt().solve(f.descent);
       if (!calls_.less(options_.refinement_tolerance, f.descent.dot(move))) break;
       const fit g = compare(views, x + move);
@@ -141,15 +144,15 @@ class track_oracle {
     for (const std::size_t i : views) {
       const sight& s = views_[i];
       const Eigen::Vector3d x_c = s.T_cw * x;
-      Eigen::VectorXd e;
-      Eigen::MatrixXd J;
+      Eigen::Vector3d e;
+      Eigen::Matrix3d J;
       if (!project(s, x_c, e, J) || !calls_.less(0, x_c.z(), x_c.norm())) {
         f.worst = i, f.behind = true;
         return f;
       }
-      Eigen::MatrixXd N = s.sigma2 * Eigen::MatrixXd::Identity(e.size(), e.size());
+      Eigen::Matrix3d N = s.sigma2 * Eigen::Matrix3d::Identity();
       if (s.stereo) N(0, 2) = N(2, 0) = options_.stereo_correlation * s.sigma2;
-      const Eigen::MatrixXd W = N.inverse();
+      const Eigen::Matrix3d W = N.inverse();
       f.information += J.transpose() * W * J;
       f.descent -= J.transpose() * W * e;
       f.cost += e.dot(W * e);
@@ -165,14 +168,14 @@ class track_oracle {
     return f;
   }
 
-  /// Error and derivative by the point in the world.
-  static bool project(const sight& s, const Eigen::Vector3d& x, Eigen::VectorXd& e, Eigen::MatrixXd& J) {
+  /// Error and derivative by the point in the world; without u_right the third row is 0.
+  static bool project(const sight& s, const Eigen::Vector3d& x, Eigen::Vector3d& e, Eigen::Matrix3d& J) {
     using D = turbomap::dual<3>;
     turbomap::vec2<D> p;
     const turbomap::vec3<D> X{D::variable(x.x(), 0), D::variable(x.y(), 1), D::variable(x.z(), 2)};
     if (!s.camera->project(X, p)) return false;
     const D right = p.x - D(s.bf) / X.z;
-    e.resize(s.stereo ? 3 : 2), J.resize(e.size(), 3);
+    e.setZero(), J.setZero();
     e[0] = p.x.a - s.pixel.x(), e[1] = p.y.a - s.pixel.y();
     for (int k = 0; k < 3; ++k) J(0, k) = p.x.d[k], J(1, k) = p.y.d[k];
     if (s.stereo) {

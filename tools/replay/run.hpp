@@ -75,8 +75,9 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
   }
   const turbomap::timing_table timing = turbomap::read_timing(arguments.recording);
   const std::vector<stage_samples> stages = stages_of(rows, timing);
-  std::size_t skipped = 0, cut = 0, keyframes_culled = 0, points_culled = 0, created = 0;
+  std::size_t skipped = 0, cut = 0, keyframes_culled = 0, points_culled = 0, created = 0, matches = 0;
   turbomap::fusion_summary fused;
+  turbomap::creation_summary creation;
   turbomap::per_stage<std::size_t> skipped_stages;
   for (const replay_row& row : result.rows) {
     bool any = false;
@@ -90,6 +91,9 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
     keyframes_culled += row.report.keyframes_culled.size();
     points_culled += row.report.points_culled;
     created += row.report.points_created;
+    matches += row.report.matches, creation.tracks += row.report.creation.tracks;
+    creation.contradictions += row.report.creation.contradictions;
+    creation.views_left_out += row.report.creation.views_left_out;
     fused += row.report.fused;
   }
   outcome o;
@@ -104,6 +108,10 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
             {"map_faults", result.faults},
             {"map_digest", result.map_digest},
             {"points_created", created},
+            {"matches", matches},
+            {"tracks", creation.tracks},
+            {"contradictions", creation.contradictions},
+            {"views_left_out", creation.views_left_out},
             {"points_culled", points_culled},
             {"keyframes_culled", keyframes_culled},
             {"duplicates_merged", fused.merged},

@@ -42,15 +42,25 @@ class appearance_update {
   /// A point whose position or observations change meanwhile keeps what fits the snapshot; whoever changed it updates it.
   std::size_t operator()(const scope& s, span<const point> points, const appearance_options& options) {
     snapshot(s, points);
-    if (points_.empty()) return 0;
-    compute(s, options);
-    commit(s, options);
-    return points_.size();
+    return update(s, options);
+  }
+  /// The points whose observations changed, and normals and ranges of those that only moved: each point once.
+  std::size_t operator()(const scope& s, span<const point> changed, span<const point> moved,
+                         appearance_options options) {
+    std::size_t updated = (*this)(s, changed, options);
+    options.descriptors = false;
+    {
+      const auto guard = s.guard();
+      gather(s.map, s.stored, moved);
+    }
+    updated += update(s, options);
+    return updated;
   }
 
   /// Positions and observations of the points, and poses of all their observers.
   void snapshot(const scope& s, span<const point> points) {
     const auto guard = s.guard();
+    seen_.clear();
     gather(s.map, s.stored, points);
   }
   /// Throws what update_appearance() throws.
@@ -87,8 +97,16 @@ class appearance_update {
     keyframe observer;
   };
 
+  std::size_t update(const scope& s, const appearance_options& options) {
+    if (points_.empty()) return 0;
+    compute(s, options);
+    commit(s, options);
+    return points_.size();
+  }
+
+  /// Those of the points that have not been seen since the last snapshot().
   void gather(const Map& map, const handle_table& stored, span<const point> points) {
-    seen_.clear(), observers_.clear();
+    observers_.clear();
     points_.clear(), positions_.clear(), observations_.clear(), references_.clear();
     offsets_.assign(1, 0);
     for (const point p : points) {

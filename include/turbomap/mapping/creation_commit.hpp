@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// From accepted points of a plan to points of the user's map, each tested again on the map as it is by then.
+/// From accepted points to points of the user's map, each of their keypoints looked at again on the map as it is by then.
 
 #include <cstddef>
 #include <cstdint>
@@ -15,62 +15,110 @@
 #include "../map/map_traits.hpp"
 #include "../map/validate.hpp"
 #include "../matching/creation_plan.hpp"
+#include "../plain_vector.hpp"
 #include "../span.hpp"
+
+namespace turbomap {
+
+/// Points that are to enter a map, in host memory; read during the call only.
+struct new_points_view {
+  span<const vec3<double>> positions;               ///< world, m
+  span<const std::int32_t> offsets;                 ///< of each point's observations; one more than there are points
+  span<const point_observation> observations = {};  ///< a point's reference keyframe first
+};
+
+}  // namespace turbomap
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Inserts the accepted points in the order of the plan, (neighbour, query keypoint). A keypoint that has a point by then,
-/// given by an earlier entry or by somebody else since the search, gets no second one, and neither does one of a keyframe
-/// that is gone. The caller holds the guard of the map.
-/// \param appearances  of each entry of the plan: the point enters the map with it, so that nobody reads a point without
-///                     descriptor and range. Empty: the appearance of the new points is due
+/// Inserts points in their order, each with those of its observations that are still possible, if these are two at least. A
+/// keypoint that has a point by then, given by an earlier entry or by somebody else since the search, gets no second one, and
+/// neither does one of a keyframe that is gone. The caller holds the guard of the map.
+/// \param appearances  of each point: it enters the map with it, so that nobody reads a point without descriptor and range.
+///                     Empty: the appearance of the new points is due
+/// \param keyframes    those that observations name by number
 /// \param created      the new points, appended
-/// \throws std::invalid_argument  an index out of range, appearances that are not as many as the plan's entries;
-///         inconsistent_map where a slot contradicts the map. All of the plan is checked before the first point is inserted
-/// O(plan).
+/// \param due          those that entered with fewer observations than they were described with, appended: their
+///                     appearance is due
+/// \throws std::invalid_argument  an index out of range, appearances that are not as many as the points; inconsistent_map
+///         where a slot contradicts the map. Everything is checked before the first point is inserted
+/// O(observations).
+template <class Map, class List>
+void commit_points(Map& map, const new_points_view& points,
+                   const computed_appearances<typename map_traits<Map>::descriptor>& appearances,
+                   span<const typename map_traits<Map>::keyframe> keyframes, List& created, List& due) {
+  using traits = map_traits<Map>;
+  static_assert(require_map_traits<Map>());
+  const std::size_t count = points.positions.size();
+  require(points.offsets.size() == count + 1, "offsets.size()", points.offsets.size(),
+          "must be that of the points, plus 1");
+  require(appearances.empty() || appearances.size() == count, "appearances.size()", appearances.size(),
+          "must be that of the points, or 0");
+  for (const std::int32_t at : points.offsets)
+    require(at >= 0 && static_cast<std::size_t>(at) <= points.observations.size(), "offsets[]", at, "is not one");
+  for (const point_observation& o : points.observations) {
+    require(o.keyframe >= 0 && static_cast<std::size_t>(o.keyframe) < keyframes.size(), "observations[].keyframe",
+            o.keyframe, "is not the number of a keyframe");
+    const auto k = keyframes[static_cast<std::size_t>(o.keyframe)];
+    if (!traits::alive(map, k)) continue;
+    require(o.keypoint >= 0 && static_cast<std::size_t>(o.keypoint) < keypoint_count_of(map, k),
+            "observations[].keypoint", o.keypoint, "is not a keypoint of the keyframe");
+    require_consistent_slot(map, k, static_cast<std::size_t>(o.keypoint));
+  }
+  created.reserve(created.size() + count), due.reserve(due.size() + count);
+  const auto possible = [&](const point_observation& o) {
+    const auto k = keyframes[static_cast<std::size_t>(o.keyframe)];
+    return traits::alive(map, k) &&
+           traits::point_at(map, k, static_cast<std::size_t>(o.keypoint)) == typename traits::point{};
+  };
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto begin = static_cast<std::size_t>(points.offsets[i]),
+               end = static_cast<std::size_t>(points.offsets[i + 1]);
+    std::size_t views = 0, first = end;
+    for (std::size_t v = end; v-- > begin;)
+      if (possible(points.observations[v])) ++views, first = v;
+    if (views < 2) continue;
+    const auto reference = keyframes[static_cast<std::size_t>(points.observations[first].keyframe)];
+    const auto point = traits::add_point(map, points.positions[i], reference);
+    if (!appearances.empty()) {
+      const point_appearance& a = appearances.points[i];
+      traits::set_appearance(map, point, a.normal, a.min_distance, a.max_distance, appearances.descriptor(i));
+    }
+    for (std::size_t v = first; v < end; ++v)
+      if (const point_observation& o = points.observations[v]; possible(o))
+        observe(map, point, keyframes[static_cast<std::size_t>(o.keyframe)], static_cast<std::size_t>(o.keypoint));
+    created.push_back(point);
+    if (views < end - begin) due.push_back(point);
+  }
+}
+
+/// The same for the accepted points of pairs, in the order of their plan, (neighbour, query keypoint): a point enters the map if
+/// both of its keypoints are free.
+/// \param appearances  of each entry of the plan, or none
 template <class Map, class List>
 void commit_points(Map& map, span<const created_point> plan,
                    const computed_appearances<typename map_traits<Map>::descriptor>& appearances,
                    typename map_traits<Map>::keyframe query, span<const typename map_traits<Map>::keyframe> neighbours,
                    List& created) {
-  using traits = map_traits<Map>;
-  static_assert(require_map_traits<Map>());
-  require(appearances.empty() || appearances.size() == plan.size(), "appearances.size()", appearances.size(),
-          "must be that of the plan, or 0");
-  if (!traits::alive(map, query)) return;
-  const auto check = [&](typename traits::keyframe keyframe, std::int32_t keypoint, const char* argument) {
-    require(keypoint >= 0 && static_cast<std::size_t>(keypoint) < keypoint_count_of(map, keyframe), argument, keypoint,
-            "is not a keypoint of the keyframe");
-    require_consistent_slot(map, keyframe, static_cast<std::size_t>(keypoint));
-  };
-  std::size_t accepted = 0;
+  plain_vector<vec3<double>> positions;
+  plain_vector<std::int32_t> offsets(1);
+  plain_vector<point_observation> observations;
+  list_of<typename map_traits<Map>::keyframe> keyframes;
+  keyframes.push_back(query);
+  List due;
+  for (const auto n : neighbours) keyframes.push_back(n);
   for (const created_point& p : plan) {
     require(p.neighbour >= 0 && static_cast<std::size_t>(p.neighbour) < neighbours.size(), "plan[].neighbour",
             p.neighbour, "is not the number of a neighbour");
-    if (p.outcome != creation_outcome::accepted) continue;
-    ++accepted;
-    check(query, p.query, "plan[].query");
-    const auto neighbour = neighbours[static_cast<std::size_t>(p.neighbour)];
-    if (traits::alive(map, neighbour)) check(neighbour, p.candidate, "plan[].candidate");
-  }
-  created.reserve(created.size() + accepted);
-  const auto is_free = [&](typename traits::keyframe keyframe, std::int32_t keypoint) {
-    return traits::point_at(map, keyframe, static_cast<std::size_t>(keypoint)) == typename traits::point{};
-  };
-  for (std::size_t i = 0; i < plan.size(); ++i) {
-    const created_point& p = plan[i];
-    if (p.outcome != creation_outcome::accepted) continue;
-    const auto neighbour = neighbours[static_cast<std::size_t>(p.neighbour)];
-    if (!traits::alive(map, neighbour) || !is_free(query, p.query) || !is_free(neighbour, p.candidate)) continue;
-    const auto point = traits::add_point(map, p.position, query);
-    if (!appearances.empty()) {
-      const point_appearance& a = appearances.points[i];
-      traits::set_appearance(map, point, a.normal, a.min_distance, a.max_distance, appearances.descriptor(i));
+    if (p.outcome == creation_outcome::accepted) {
+      observations.push_back({0, p.query});
+      observations.push_back({1 + p.neighbour, p.candidate});
     }
-    observe(map, point, query, static_cast<std::size_t>(p.query));
-    observe(map, point, neighbour, static_cast<std::size_t>(p.candidate));
-    created.push_back(point);
+    positions.push_back(p.position);
+    offsets.push_back(static_cast<std::int32_t>(observations.size()));
   }
+  commit_points<Map, List>(map, new_points_view{positions, offsets, observations}, appearances, keyframes, created,
+                           due);
 }
 
 TURBOMAP_END_NAMESPACE

@@ -3,17 +3,19 @@
 #pragma once
 
 /// \file
-/// The stage that makes map points of the matches that neighbour_search found: triangulates or back-projects every match,
-/// tests the point, computes what it looks like, and inserts it into the map.
+/// The stage that makes map points of the matches that neighbour_search found: joins the matches of one landmark, estimates
+/// its position from all its views (or from each pair of them), tests it, computes what it looks like, and inserts it into
+/// the map.
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <utility>
 
 #include "../appearance/update_appearance.hpp"
 #include "../config.hpp"
 #include "../map/map_traits.hpp"
 #include "../matching/point_creation.hpp"
+#include "../matching/track_creation.hpp"
 #include "../plain_vector.hpp"
 #include "creation_commit.hpp"
 #include "neighbour_search.hpp"
@@ -21,7 +23,8 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// create_points() on a user's map. Its snapshot is neighbour_search's. Of one context.
+/// create_track_points() or create_points() on a user's map, as creation_options::rule says. Its snapshot is
+/// neighbour_search's. Of one context.
 template <class Map, class Policy>
 class map_point_creation {
  public:
@@ -33,7 +36,8 @@ class map_point_creation {
   using scope = mapping_scope<Map, Policy>;
   using search_type = neighbour_search<Map, Policy>;
 
-  explicit map_point_creation(const context<Policy>& ctx) : candidates_(ctx), appearances_(ctx) {}
+  explicit map_point_creation(const context<Policy>& ctx)
+      : pairs_(ctx), tracks_(ctx), track_points_(ctx), appearances_(ctx) {}
 
   /// Points of the last search of `search`, which gives its keyframes back to the store.
   /// \return the new points, until the next call
@@ -48,54 +52,97 @@ class map_point_creation {
   /// Candidate points, and the appearance of those that are accepted.
   void compute(const scope& s, const search_type& search, const creation_options& options,
                const appearance_options& appearance) {
-    create_points(s.ctx, search.matches(), options, candidates_);
-    candidates_.plan(s.ctx, search.matches(), plan_);
-    accepted_.clear();
-    for (const created_point& p : plan_)
-      if (p.outcome == creation_outcome::accepted) accepted_.push_back(p);
+    positions_.clear(), observations_.clear(), references_.clear();
+    offsets_.assign(1, 0);
+    summary_ = {};
+    if (options.rule == creation_rule::tracks)
+      compute_tracks(s.ctx, search, options);
+    else
+      compute_pairs(s.ctx, search, options);
     describe(s.ctx, search, appearance);
   }
-  /// Inserts the accepted points whose keypoints are free yet.
+  /// Inserts the accepted points with those of their keypoints that are free yet.
   void commit(const scope& s, const search_type& search) {
-    const auto& keyframes = search.selection().keyframes();
-    created_.clear();
+    created_.clear(), due_.clear();
     const auto guard = s.guard();
-    commit_points<Map>(s.map, accepted_, {look_, descriptors_}, keyframes[0],
-                       span<const keyframe>(keyframes.data() + 1, keyframes.size() - 1), created_);
+    commit_points<Map>(s.map, new_points_view{positions_, offsets_, observations_}, {look_, descriptors_},
+                       search.selection().keyframes(), created_, due_);
   }
 
-  /// Every match of the last call with what became of it.
-  const plain_vector<created_point>& plan() const { return plan_; }
+  /// New points of the last call that entered the map with fewer observations than they were described with.
+  const list_of<point>& due() const { return due_; }
+  /// Correspondences that the last call used.
+  std::size_t matches() const { return matches_; }
+  const creation_summary& summary() const { return summary_; }
 
  private:
-  /// As if the two views of each point were in the map already.
+  void compute_pairs(context<Policy>& ctx, const search_type& search, const creation_options& options) {
+    create_points(ctx, search.matches(), options, pairs_);
+    pairs_.plan(ctx, search.matches(), plan_);
+    matches_ = plan_.size();
+    for (const created_point& p : plan_) {
+      if (p.outcome != creation_outcome::accepted) continue;
+      const point_observation pair[]{{0, p.query}, {1 + p.neighbour, p.candidate}};
+      accept(p.position, {pair, 2});
+    }
+  }
+  void compute_tracks(context<Policy>& ctx, const search_type& search, const creation_options& options) {
+    join_tracks(ctx, search.matches(), tracks_);
+    create_track_points(ctx, search.matches(), tracks_, options, track_points_);
+    track_points_.plan(ctx, points_, kept_);
+    const track_list& tracks = tracks_.tracks();
+    matches_ = tracks_.plan().size(), summary_.tracks = tracks.size();
+    for (const match_outcome o : tracks.outcomes) summary_.contradictions += o == match_outcome::contradicts ? 1 : 0;
+    for (std::size_t t = 0; t < points_.size(); ++t) {
+      if (points_[t].outcome != creation_outcome::accepted) continue;
+      const auto end = static_cast<std::size_t>(tracks.offsets[t + 1]);
+      views_.clear();
+      for (auto v = static_cast<std::size_t>(tracks.offsets[t]); v < end; ++v)
+        if (kept_[v] != 0) views_.push_back({tracks.views[v].keyframe, tracks.views[v].keypoint});
+      summary_.views_left_out += end - static_cast<std::size_t>(tracks.offsets[t]) - views_.size();
+      accept(points_[t].position, views_);
+    }
+  }
+  void accept(const vec3<double>& position, span<const point_observation> views) {
+    positions_.push_back(position);
+    references_.push_back(views[0].keyframe);
+    observations_.append(views.data(), views.size());
+    offsets_.push_back(static_cast<std::int32_t>(observations_.size()));
+  }
+
+  /// As if the views of each point were in the map already.
   void describe(context<Policy>& ctx, const search_type& search, const appearance_options& options) {
     const auto& ids = search.selection().ids();
-    positions_.clear(), observations_.clear(), references_.assign(accepted_.size(), 0);  // number 0 is the query
-    offsets_.assign(1, 0);
-    for (const created_point& p : accepted_) {
-      const std::size_t neighbour = 1 + static_cast<std::size_t>(p.neighbour);
-      point_observation first{0, p.query}, second{static_cast<std::int32_t>(neighbour), p.candidate};
-      // In order of insertion into the map: of equal descriptors the first wins.
-      if (ids[neighbour] < ids[0]) std::swap(first, second);
-      observations_.push_back(first), observations_.push_back(second);
-      offsets_.push_back(static_cast<std::int32_t>(observations_.size()));
-      positions_.push_back(p.position);
-    }
-    const appearance_view view{static_cast<int>(accepted_.size()), positions_.data(), offsets_.data(),
-                               observations_.data(), references_.data()};
+    // In order of insertion into the map: of equal descriptors the first wins.
+    in_order_ = observations_;
+    for (std::size_t i = 0; i < positions_.size(); ++i)
+      std::sort(in_order_.begin() + offsets_[i], in_order_.begin() + offsets_[i + 1],
+                [&](const point_observation& a, const point_observation& b) {
+                  return a.keyframe != b.keyframe
+                             ? ids[static_cast<std::size_t>(a.keyframe)] < ids[static_cast<std::size_t>(b.keyframe)]
+                             : a.keypoint < b.keypoint;
+                });
+    const appearance_view view{static_cast<int>(positions_.size()), positions_.data(), offsets_.data(),
+                               in_order_.data(), references_.data()};
     update_appearance(ctx, view, search.posed(), options, appearances_);
     appearances_.plan(ctx, look_, descriptors_);
   }
 
-  point_creation<Policy> candidates_;
+  point_creation<Policy> pairs_;
+  match_tracks<descriptor, camera, Policy> tracks_;
+  track_creation<Policy> track_points_;
   appearances<descriptor, camera, Policy> appearances_;
-  plain_vector<created_point> plan_, accepted_;
-  list_of<point> created_;
+  plain_vector<created_point> plan_;
+  plain_vector<created_track> points_;
+  plain_vector<std::uint8_t> kept_;
+  plain_vector<point_observation> views_;
+  std::size_t matches_ = 0;
+  creation_summary summary_;
+  list_of<point> created_, due_;
   // Of the accepted points.
   plain_vector<vec3<double>> positions_;
   plain_vector<std::int32_t> offsets_, references_;
-  plain_vector<point_observation> observations_;
+  plain_vector<point_observation> observations_, in_order_;  ///< the same, in_order_ by keyframe id
   plain_vector<point_appearance> look_;
   plain_vector<typename descriptor::element> descriptors_;
 };

@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "../matching/creation_plan.hpp"
 #include "../plain_vector.hpp"
 #include "fusion_options.hpp"
 #include "guard_times.hpp"
@@ -59,6 +60,7 @@ struct mapping_report {
   double total_ms = 0;
   std::size_t neighbours = 0;  ///< searched for correspondences
   std::size_t matches = 0;     ///< correspondences found
+  creation_summary creation;   ///< what points were made of
   std::size_t points_created = 0;
   std::size_t points_culled = 0;  ///< on probation
   std::size_t fusion_targets = 0;

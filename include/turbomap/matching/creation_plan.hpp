@@ -5,6 +5,7 @@
 /// \file
 /// What map point creation takes and gives, as plain data: options, reasons, the plan, and who wins a keypoint.
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -70,6 +71,13 @@ struct created_track {
   std::int32_t views;           ///< that are left; meaningful where accepted
   vec3<double> position;        ///< world, m; meaningful where accepted
   point_covariance covariance;  ///< of the position; meaningful where accepted
+};
+
+/// What one call made points of; all 0 where it made them of pairs.
+struct creation_summary {
+  std::size_t tracks = 0;          ///< that matches were joined into
+  std::size_t contradictions = 0;  ///< matches that contradict a track
+  std::size_t views_left_out = 0;  ///< of accepted tracks: they did not fit
 };
 
 /// The accepted points in (neighbour, query keypoint) order, as a map inserts them: a keypoint that an earlier point of the

@@ -7,7 +7,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "../array.hpp"
 #include "../config.hpp"
@@ -35,7 +34,8 @@ class track_creation {
   /// All tracks with their outcome, in their order, equal to the last bit on every policy. Waits. O(views).
   /// \param kept  of each view of track_list::views: 1 where the point of its track is seen there, 0 where the view was
   ///              left out because it does not fit; meaningful for accepted tracks
-  void plan(context<Policy>& ctx, std::vector<created_track>& points, std::vector<std::uint8_t>& kept) const {
+  template <class Points, class Kept>
+  void plan(context<Policy>& ctx, Points& points, Kept& kept) const {
     points.resize(points_.size());
     kept.resize(kept_.size());
     copy_out(ctx.policy(), points.data(), points_.data(), points.size() * sizeof(created_track));

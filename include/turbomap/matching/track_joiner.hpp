@@ -10,11 +10,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <utility>
-#include <vector>
 
 #include "../claim.hpp"
 #include "../config.hpp"
 #include "../error.hpp"
+#include "../plain_vector.hpp"
 #include "../span.hpp"
 #include "search_options.hpp"
 
@@ -35,9 +35,9 @@ enum class match_outcome : std::uint8_t {
 
 /// Tracks of two views or more as plain arrays, in the order of their smallest query keypoint.
 struct track_list {
-  std::vector<std::int32_t> offsets;    ///< of each track's views; one more than there are tracks
-  std::vector<track_view> views;        ///< of a track by (keyframe, camera): the query's first
-  std::vector<match_outcome> outcomes;  ///< of each match
+  plain_vector<std::int32_t> offsets;    ///< of each track's views; one more than there are tracks
+  plain_vector<track_view> views;        ///< of a track by (keyframe, camera): the query's first
+  plain_vector<match_outcome> outcomes;  ///< of each match
 
   std::size_t size() const { return offsets.empty() ? 0 : offsets.size() - 1; }
 };
@@ -54,35 +54,32 @@ TURBOMAP_BEGIN_NAMESPACE
 /// See join_tracks(). Make one and use it for every call: its memory is reused.
 class track_joiner {
  public:
-  /// \param matches        in (neighbour, query keypoint) order, at most one for each of these
+  /// \param matches        a list of correspondences in (neighbour, query keypoint) order, at most one for each of these
   /// \param cameras        of each match; empty: one camera each
   /// \param own_neighbour  the number under which the query is its own neighbour; -1: it is not
   /// \throws std::invalid_argument  an index that is negative, cameras that are not as many as the matches
-  template <class Distance>
-  void operator()(span<const correspondence<Distance>> matches, span<const match_cameras> cameras,
-                  std::int32_t own_neighbour, track_list& result) {
+  template <class Matches>
+  void operator()(const Matches& matches, span<const match_cameras> cameras, std::int32_t own_neighbour,
+                  track_list& result) {
     require(cameras.empty() || cameras.size() == matches.size(), "cameras.size()", cameras.size(),
             "must be that of the matches, or 0");
     number_keypoints(matches, cameras, own_neighbour);
     sort_edges(matches);
     result.outcomes.assign(matches.size(), match_outcome::joined);
     for (const std::uint32_t i : order_)
-      if (!unite(edges_[i].first, edges_[i].second)) result.outcomes[i] = match_outcome::contradicts;
+      if (!unite(edges_[i].a, edges_[i].b)) result.outcomes[i] = match_outcome::contradicts;
     list_tracks(result);
-  }
-  template <class Distance>
-  void operator()(const std::vector<correspondence<Distance>>& matches, const std::vector<match_cameras>& cameras,
-                  std::int32_t own_neighbour, track_list& result) {
-    (*this)(span<const correspondence<Distance>>(matches), span<const match_cameras>(cameras), own_neighbour, result);
   }
 
  private:
   static constexpr std::int32_t none = -1;
+  struct edge {
+    std::int32_t a, b;  ///< nodes
+  };
 
   /// Gives each keypoint of a match a node.
-  template <class Distance>
-  void number_keypoints(span<const correspondence<Distance>> matches, span<const match_cameras> cameras,
-                        std::int32_t own_neighbour) {
+  template <class Matches>
+  void number_keypoints(const Matches& matches, span<const match_cameras> cameras, std::int32_t own_neighbour) {
     const auto keyframe_of = [own_neighbour](std::int32_t n) { return n == own_neighbour ? 0 : 1 + n; };
     std::int32_t rig = 1;
     keyframes_.assign(1, 0);
@@ -124,28 +121,33 @@ class track_joiner {
   }
 
   /// Edges by (distance, query keypoint, neighbour): counting sorts, the last key first. Neighbours are sorted already.
-  template <class Distance>
-  void sort_edges(span<const correspondence<Distance>> matches) {
+  template <class Matches>
+  void sort_edges(const Matches& matches) {
     order_.resize(matches.size());
     for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = static_cast<std::uint32_t>(i);
-    std::uint32_t most = 0, longest = 0;
-    for (const auto& m : matches) {
-      most = std::max(most, static_cast<std::uint32_t>(m.query));
-      longest = std::max(longest, ordered_bits(m.distance));
+    std::uint32_t most = 0;
+    for (const auto& m : matches) most = std::max(most, static_cast<std::uint32_t>(m.query));
+    sort_by(most, [&](std::uint32_t i) { return static_cast<std::uint32_t>(matches[i].query); });
+    if constexpr (sizeof(matches[0].distance) == 4) {
+      std::uint32_t longest = 0;
+      for (const auto& m : matches) longest = std::max(longest, ordered_bits(m.distance));
+      sort_by(longest, [&](std::uint32_t i) { return ordered_bits(matches[i].distance); });
+    } else {
+      std::stable_sort(order_.begin(), order_.end(),
+                       [&](std::uint32_t i, std::uint32_t j) { return matches[i].distance < matches[j].distance; });
     }
-    for (int shift = 0; shift < 32 && most >> shift != 0; shift += 8)
-      sort_by(shift, [&](std::uint32_t i) { return static_cast<std::uint32_t>(matches[i].query); });
-    for (int shift = 0; shift < 32 && longest >> shift != 0; shift += 8)
-      sort_by(shift, [&](std::uint32_t i) { return ordered_bits(matches[i].distance); });
   }
+  /// Stable, byte by byte. \param most  the greatest key
   template <class Key>
-  void sort_by(int shift, Key key) {
-    std::uint32_t first[257] = {};
-    for (const std::uint32_t i : order_) ++first[(key(i) >> shift & 255) + 1];
-    for (int k = 0; k < 256; ++k) first[k + 1] += first[k];
-    sorted_.resize(order_.size());
-    for (const std::uint32_t i : order_) sorted_[first[key(i) >> shift & 255]++] = i;
-    order_.swap(sorted_);
+  void sort_by(std::uint32_t most, Key key) {
+    for (int shift = 0; shift < 32 && most >> shift != 0; shift += 8) {
+      std::uint32_t first[257] = {};
+      for (const std::uint32_t i : order_) ++first[(key(i) >> shift & 255) + 1];
+      for (int k = 0; k < 256; ++k) first[k + 1] += first[k];
+      sorted_.resize(order_.size());
+      for (const std::uint32_t i : order_) sorted_[first[key(i) >> shift & 255]++] = i;
+      order_.swap(sorted_);
+    }
   }
 
   std::int32_t root(std::int32_t node) {
@@ -198,17 +200,17 @@ class track_joiner {
     }
   }
 
-  std::vector<std::int32_t> keyframes_;  ///< the first of each keyframe's keypoints in node_of_
-  std::vector<std::int32_t> node_of_;    ///< of each keypoint, or none
+  plain_vector<std::int32_t> keyframes_;  ///< the first of each keyframe's keypoints in node_of_
+  plain_vector<std::int32_t> node_of_;    ///< of each keypoint, or none
   // Of each node.
-  std::vector<track_view> views_;
-  std::vector<std::int32_t> parent_, sizes_;  ///< sizes_: of a root, the nodes of its component
-  std::vector<std::uint64_t> seen_;           ///< words_ each: of a root, the cameras that its component has
-  std::vector<std::int32_t> track_of_;        ///< of a root
+  plain_vector<track_view> views_;
+  plain_vector<std::int32_t> parent_, sizes_;  ///< sizes_: of a root, the nodes of its component
+  plain_vector<std::uint64_t> seen_;           ///< words_ each: of a root, the cameras that its component has
+  plain_vector<std::int32_t> track_of_;        ///< of a root
   std::size_t words_ = 1;
-  std::vector<std::pair<std::int32_t, std::int32_t>> edges_;
-  std::vector<std::uint32_t> order_, sorted_;
-  std::vector<std::int32_t> fill_;
+  plain_vector<edge> edges_;
+  plain_vector<std::uint32_t> order_, sorted_;
+  plain_vector<std::int32_t> fill_;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -9,11 +9,11 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "../array.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../plain_vector.hpp"
 #include "correspondences.hpp"
 #include "track_joiner.hpp"
 
@@ -79,8 +79,8 @@ class match_tracks {
   }
 
   array<match_cameras, memory_of_t<Policy>> cameras_;  ///< [neighbour][slot]; written where there is a match
-  std::vector<match_cameras> host_cameras_, match_cameras_;
-  std::vector<std::int32_t> host_match_;
+  plain_vector<match_cameras> host_cameras_, match_cameras_;
+  plain_vector<std::int32_t> host_match_;
   typename matches_type::plan_type plan_;
   int searched_ = 0;
   track_joiner join_;
