@@ -8,63 +8,72 @@
 
 #include <cstddef>
 #include <memory_resource>
-#include <type_traits>
-#include <utility>
 
 #include "memory.hpp"
 #include "span.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Owns `size()` elements of `T` in `Memory` (host_memory or device_memory). Move-only. Capacity never shrinks, so a buffer
-/// that is used again with the same size allocates nothing.
-template <class T, class Memory>
-class array {
-  static_assert(std::is_trivially_copyable_v<T>, "turbomap::array holds plain data only: it crosses the bus as bytes");
-
- public:
-  explicit array(std::pmr::memory_resource* resource = default_resource(Memory{})) : resource_(resource) {}
-  array(array&& other) noexcept
-      : resource_(other.resource_),
-        data_(std::exchange(other.data_, nullptr)),
-        size_(std::exchange(other.size_, 0)),
-        capacity_(std::exchange(other.capacity_, 0)) {}
-  array& operator=(array&& other) noexcept {
-    std::swap(resource_, other.resource_);
-    std::swap(data_, other.data_);
-    std::swap(size_, other.size_);
-    std::swap(capacity_, other.capacity_);
+/// The bytes of an array: everything that needs no element type, compiled once for all of them.
+class array_bytes {
+ protected:
+  explicit array_bytes(std::pmr::memory_resource* resource) : resource_(resource) {}
+  array_bytes(array_bytes&& other) noexcept : resource_(other.resource_) { exchange(other); }
+  array_bytes& operator=(array_bytes&& other) noexcept {
+    std::pmr::memory_resource* const resource = resource_;
+    resource_ = other.resource_;
+    other.resource_ = resource;
+    exchange(other);
     return *this;
   }
-  ~array() { release(); }
+  ~array_bytes() { release(); }
 
-  /// Makes room for `n` elements of unspecified value. Throws what the resource throws; the buffer is then unchanged.
-  void resize_discard(std::size_t n) {
-    if (n > capacity_) {
-      const std::size_t capacity = n + n / 4;
-      T* grown = static_cast<T*>(resource_->allocate(capacity * sizeof(T), block_alignment));
-      release();
-      data_ = grown;
-      capacity_ = capacity;
-    }
-    size_ = n;
-  }
-
-  T* data() { return data_; }
-  const T* data() const { return data_; }
-  std::size_t size() const { return size_; }
-  std::size_t capacity() const { return capacity_; }
-
- private:
-  void release() {
-    if (data_ != nullptr) resource_->deallocate(data_, capacity_ * sizeof(T), block_alignment);
-    data_ = nullptr;
+  /// In place of what was there.
+  void allocate(std::size_t bytes) {
+    void* const grown = resource_->allocate(bytes, block_alignment);
+    release();
+    data_ = grown;
+    room_ = bytes;
   }
 
   std::pmr::memory_resource* resource_;
-  T* data_ = nullptr;
-  std::size_t size_ = 0;
-  std::size_t capacity_ = 0;
+  void* data_ = nullptr;
+  std::size_t size_ = 0;  ///< elements
+  std::size_t room_ = 0;  ///< bytes
+
+ private:
+  void release() {
+    if (data_ != nullptr) resource_->deallocate(data_, room_, block_alignment);
+    data_ = nullptr;
+  }
+  /// All but the resources.
+  void exchange(array_bytes& other) noexcept {
+    void* const data = data_;
+    const std::size_t size = size_, room = room_;
+    data_ = other.data_, size_ = other.size_, room_ = other.room_;
+    other.data_ = data, other.size_ = size, other.room_ = room;
+  }
+};
+
+/// Owns `size()` elements of `T` in `Memory` (host_memory or device_memory). Move-only. Capacity never shrinks, so a buffer
+/// that is used again with the same size allocates nothing.
+template <class T, class Memory>
+class array : public array_bytes {
+  static_assert(__is_trivially_copyable(T), "turbomap::array holds plain data only: it crosses the bus as bytes");
+
+ public:
+  explicit array(std::pmr::memory_resource* resource = default_resource(Memory{})) : array_bytes(resource) {}
+
+  /// Makes room for `n` elements of unspecified value. Throws what the resource throws; the buffer is then unchanged.
+  void resize_discard(std::size_t n) {
+    if (n * sizeof(T) > room_) allocate((n + n / 4) * sizeof(T));
+    size_ = n;
+  }
+
+  T* data() { return static_cast<T*>(data_); }
+  const T* data() const { return static_cast<const T*>(data_); }
+  std::size_t size() const { return size_; }
+  std::size_t capacity() const { return room_ / sizeof(T); }
 };
 
 TURBOMAP_END_NAMESPACE

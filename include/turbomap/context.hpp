@@ -9,34 +9,28 @@
 #include <memory_resource>
 #include <type_traits>
 #include <utility>
-#include <vector>
 
 #include "array.hpp"
 #include "memory.hpp"
 #include "packed_inputs.hpp"
 #include "parallel.hpp"
+#include "plain_vector.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Bump allocator: memory is taken piece after piece and given back all at once. After the first calls it owns one block
-/// that is large enough, and allocates no more.
-template <class Memory>
-class scratch_arena {
+/// The blocks of a scratch_arena: everything that needs no type.
+class scratch_blocks {
  public:
-  explicit scratch_arena(std::pmr::memory_resource* resource) : resource_(resource) {}
-  scratch_arena(scratch_arena&&) = default;
-  scratch_arena& operator=(scratch_arena&&) = default;
-
-  /// `n` elements of unspecified value, valid until the next reset().
-  template <class T>
-  T* take(std::size_t n) {
-    static_assert(std::is_trivially_copyable_v<T>);
-    const std::size_t bytes = align_up(n * sizeof(T));
-    if (blocks_.empty() || used_ + bytes > blocks_.back().size()) add_block(bytes);
-    std::byte* piece = blocks_.back().data() + used_;
-    used_ += bytes;
-    return reinterpret_cast<T*>(piece);
+  explicit scratch_blocks(std::pmr::memory_resource* resource) : resource_(resource) {}
+  scratch_blocks(scratch_blocks&& other) noexcept : resource_(other.resource_) { exchange(other); }
+  scratch_blocks& operator=(scratch_blocks&& other) noexcept {
+    std::pmr::memory_resource* const resource = resource_;
+    resource_ = other.resource_;
+    other.resource_ = resource;
+    exchange(other);
+    return *this;
   }
+  ~scratch_blocks() { release(); }
 
   /// Whether reset() will exchange the blocks for a single one.
   bool fragmented() const { return blocks_.size() > 1; }
@@ -46,27 +40,66 @@ class scratch_arena {
   void reset() {
     if (blocks_.size() > 1) {
       std::size_t total = 0;
-      for (const auto& block : blocks_) total += block.size();
-      blocks_.clear();
-      used_ = 0;
+      for (const block& b : blocks_) total += b.bytes;
+      release();
       add_block(total);
     }
     used_ = 0;
   }
 
+ protected:
+  std::byte* take_bytes(std::size_t n) {
+    const std::size_t bytes = align_up(n);
+    if (blocks_.empty() || used_ + bytes > blocks_.back().bytes) add_block(bytes);
+    std::byte* const piece = blocks_.back().data + used_;
+    used_ += bytes;
+    return piece;
+  }
+
  private:
   static constexpr std::size_t smallest_block = std::size_t{1} << 16;
+  struct block {
+    std::byte* data;
+    std::size_t bytes;
+  };
 
   void add_block(std::size_t bytes) {
-    array<std::byte, Memory> block(resource_);
-    block.resize_discard(bytes > smallest_block ? bytes : smallest_block);
-    blocks_.push_back(std::move(block));
+    blocks_.reserve(blocks_.size() + 1);
+    if (bytes < smallest_block) bytes = smallest_block;
+    blocks_.push_back({static_cast<std::byte*>(resource_->allocate(bytes, block_alignment)), bytes});
     used_ = 0;
+  }
+  void release() noexcept {
+    for (const block& b : blocks_) resource_->deallocate(b.data, b.bytes, block_alignment);
+    blocks_.clear();
+    used_ = 0;
+  }
+  /// All but the resources.
+  void exchange(scratch_blocks& other) noexcept {
+    blocks_.swap(other.blocks_);
+    const std::size_t used = used_;
+    used_ = other.used_;
+    other.used_ = used;
   }
 
   std::pmr::memory_resource* resource_;
-  std::vector<array<std::byte, Memory>> blocks_;
+  plain_vector<block> blocks_;
   std::size_t used_ = 0;
+};
+
+/// Bump allocator: memory is taken piece after piece and given back all at once. After the first calls it owns one block
+/// that is large enough, and allocates no more.
+template <class Memory>
+class scratch_arena : public scratch_blocks {
+ public:
+  using scratch_blocks::scratch_blocks;
+
+  /// `n` elements of unspecified value, valid until the next reset().
+  template <class T>
+  T* take(std::size_t n) {
+    static_assert(__is_trivially_copyable(T));
+    return reinterpret_cast<T*>(take_bytes(n * sizeof(T)));
+  }
 };
 
 /// An execution policy, its stream and reusable memory. `context ctx{thrust::host};`, `{thrust::omp::par}`,

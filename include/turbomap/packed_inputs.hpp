@@ -33,7 +33,7 @@ struct upload_block {
 /// The place of `size` elements in a block.
 template <class T>
 struct input_slot {
-  static_assert(std::is_trivially_copyable_v<T>, "turbomap: arguments of a call are sent as bytes");
+  static_assert(__is_trivially_copyable(T), "turbomap: arguments of a call are sent as bytes");
 
   std::size_t at = 0;  ///< bytes from the start of the block
   std::size_t size = 0;

@@ -89,10 +89,12 @@ class plain_bytes {
   }
 };
 
+// __is_trivially_copyable: what std::is_trivially_copyable_v asks, without instantiating five templates per type.
+
 /// A list of `T`, trivially copyable. Members as those of std::vector, to which it converts; pointers are its iterators.
 template <class T>
 class plain_vector : public plain_bytes {
-  static_assert(std::is_trivially_copyable_v<T>, "turbomap::plain_vector holds plain data only: it is copied as bytes");
+  static_assert(__is_trivially_copyable(T), "turbomap::plain_vector holds plain data only: it is copied as bytes");
   static_assert(alignof(T) <= __STDCPP_DEFAULT_NEW_ALIGNMENT__);
 
  public:
@@ -166,6 +168,6 @@ bool operator==(const plain_vector<T>& a, const List& b) {
 
 /// A list of what a user names: their pointers and indices are plain data, their std::shared_ptr is not.
 template <class T>
-using list_of = std::conditional_t<std::is_trivially_copyable_v<T>, plain_vector<T>, std::vector<T>>;
+using list_of = std::conditional_t<__is_trivially_copyable(T), plain_vector<T>, std::vector<T>>;
 
 }  // namespace turbomap

@@ -7,7 +7,6 @@
 
 #include <cstddef>
 #include <type_traits>
-#include <utility>
 
 #include "config.hpp"
 
@@ -16,17 +15,17 @@ namespace turbomap {
 /// Pointer and length; where the elements live (host or device) is known from where the span came from.
 template <class T>
 class span {
+  static void accept(T*);  // which pointers convert, without a dozen templates of the standard library per container
+
  public:
   using value_type = std::remove_const_t<T>;
 
   constexpr span() = default;
   TURBOMAP_HD constexpr span(T* data, std::size_t size) : data_(data), size_(size) {}
   /// From any container with data() and size(); a span of const may be made of one of non-const.
-  template <class Container,
-            class = std::enable_if_t<std::is_convertible_v<decltype(std::declval<Container&>().data()), T*>>>
+  template <class Container, class = decltype(accept(static_cast<Container*>(nullptr)->data()))>
   constexpr span(Container& container) : data_(container.data()), size_(container.size()) {}
-  template <class Container,
-            class = std::enable_if_t<std::is_convertible_v<decltype(std::declval<const Container&>().data()), T*>>>
+  template <class Container, class = decltype(accept(static_cast<const Container*>(nullptr)->data()))>
   constexpr span(const Container& container) : data_(container.data()), size_(container.size()) {}
 
   TURBOMAP_HD constexpr T* data() const { return data_; }

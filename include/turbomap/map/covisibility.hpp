@@ -55,11 +55,19 @@ class covisibility {
   const list_of<covisible<keyframe>>& operator()(const Map& map, keyframe query, int min_shared,
                                                  std::size_t limit = no_limit, Accept accept = {}) {
     count(map, query);
+    for (std::size_t i = 1; i < observers_.size(); ++i)  // 0 is the query
+      if (shared_[i] != 0 && !accept(observers_[i])) shared_[i] = 0;
+    rank(map, min_shared, limit);
+    return result_;
+  }
+
+ private:
+  void rank(const Map& map, int min_shared, std::size_t limit) {
     result_.clear();
     covisible<keyframe> best{};
     std::uint64_t best_id = 0;
-    for (std::size_t i = 1; i < observers_.size(); ++i) {  // 0 is the query
-      if (shared_[i] == 0 || !accept(observers_[i])) continue;
+    for (std::size_t i = 1; i < observers_.size(); ++i) {
+      if (shared_[i] == 0) continue;
       const covisible<keyframe> c{observers_[i], shared_[i]};
       if (c.shared_points >= min_shared) result_.push_back(c);
       const std::uint64_t id = traits::id(map, c.keyframe);
@@ -74,10 +82,7 @@ class covisibility {
     const std::size_t keep = std::min(limit, result_.size());
     std::partial_sort(result_.begin(), result_.begin() + static_cast<std::ptrdiff_t>(keep), result_.end(), first);
     result_.resize(keep);
-    return result_;
   }
-
- private:
   void count(const Map& map, keyframe query) {
     observer_numbers_.clear(), counted_.clear();
     observers_.assign(1, query), shared_.assign(1, 0), last_point_.assign(1, 0);
