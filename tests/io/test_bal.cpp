@@ -100,6 +100,7 @@ TEST_CASE("what is broken is named with its line") {
   CHECK(
       has(with("2 1 3\n", "2 1 2000000000\n"), "line 1: the file is too short for 2 cameras, 1 points and 2000000000"));
   CHECK(has(with("\n8\n-9\n", "\n8\n"), "the file ends before point coordinate"));
+  CHECK(has(message("1 0 0\n0 1e200 0\n0 0 0 1 0 0"), "line 2: the rotation is too large"));
   CHECK(has(with("-9\n", "-9\n1\n"), "line 18: there is more than the first line says"));
   CHECK(has(message(""), "line 1: the file ends before number of cameras"));
   CHECK(has(message("\x89PNG\r\n"), "is no number of cameras"));

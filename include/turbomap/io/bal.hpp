@@ -31,7 +31,7 @@ struct bal_camera {
   double f, k1, k2;          ///< px; radial coefficients
 };
 
-/// A whole problem. Every index is inside its array and every number finite.
+/// A whole problem. Every index is inside its array, every number and every angle finite.
 struct bal_problem {
   std::vector<bal_camera> cameras;
   std::vector<vec3<double>> points;         ///< world, m
@@ -84,7 +84,10 @@ inline bal_problem read_bal(const std::filesystem::path& file) {
   };
   p.cameras.resize(cameras), p.points.resize(points);
   for (bal_camera& c : p.cameras) {
-    c.rotation = vector("rotation"), c.translation = vector("translation");
+    c.rotation = vector("rotation");
+    if (!std::isfinite(c.rotation.x * c.rotation.x + c.rotation.y * c.rotation.y + c.rotation.z * c.rotation.z))
+      in.fail("the rotation is too large");
+    c.translation = vector("translation");
     c.f = in.take<double>("focal length"), c.k1 = in.take<double>("k1"), c.k2 = in.take<double>("k2");
   }
   for (vec3<double>& x : p.points) x = vector("point coordinate");
