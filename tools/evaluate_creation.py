@@ -43,6 +43,7 @@ def parse_arguments():
     p.add_argument("--seeds", type=words, default=list("12345"))
     p.add_argument("--noise", type=words, default=["0.25", "0.5", "1"], help="px at the finest level")
     p.add_argument("--keyframes", type=int, default=100, help="per simulated recording, at most")
+    p.add_argument("--drift", default="0.01", help="of the poses that come in, m per m; less would tell mapping what it has to find")
     p.add_argument("--no-recorded", action="store_true", help="simulated recordings only")
     p.add_argument("--policy", default="seq")
     p.add_argument("--options", default="", help="for every replay, e.g. '--candidates exhaustive'")
@@ -70,8 +71,9 @@ def simulated(args):
     """(rig, trajectory, noise, seed, folder, command that makes it)"""
     made = []
     for rig, (name, path), noise, seed in itertools.product(args.rigs, trajectories(args).items(), args.noise, args.seeds):
-        folder = args.work / "recordings" / f"{rig}-{name}-k{args.keyframes}-n{noise}-s{seed}"
-        command = [str(args.bin / "turbomap-simulate"), path, *RIGS[rig], "--noise", noise, "--seed", seed, "--keyframes", str(args.keyframes)]
+        folder = args.work / "recordings" / f"{rig}-{name}-k{args.keyframes}-d{args.drift}-n{noise}-s{seed}"
+        command = [str(args.bin / "turbomap-simulate"), path, *RIGS[rig], "--noise", noise, "--seed", seed,
+                   "--keyframes", str(args.keyframes), "--drift", args.drift]
         made.append((rig, name, noise, seed, folder, command))
     return made
 
@@ -153,7 +155,7 @@ def ratio(a, b, scale=1):
 
 
 def figures(found):
-    """{column: number}; what a replay does not tell is left out."""
+    """{column: number}; None: the replay does not tell."""
     mm = lambda key: get(found, key, scale=1000)
     values = {
         "input, mm": mm("ate_input_rmse_m"),
@@ -181,12 +183,16 @@ def figures(found):
             values[f"wrong of {key[:-len('_wrong')].replace('_', ' ')}, %"] = ratio(judged[key], judged[key[:-len("_wrong")]], 100)
     for stage in ("search", "creation", "fusion", "adjustment", "total"):
         values[f"{stage}, ms"] = get(found, "stages", stage, "ms_mean")
-    return {column: value for column, value in values.items() if value is not None}
+    return values
+
+
+def told(all_figures, column):
+    return [one[column] for one in all_figures if one.get(column) is not None]
 
 
 def medians(all_figures):
     columns = dict.fromkeys(column for one in all_figures for column in one)
-    return {c: statistics.median(one[c] for one in all_figures if c in one) for c in columns}
+    return {c: statistics.median(told(all_figures, c)) for c in columns if told(all_figures, c)}
 
 
 # --- tables -------------------------------------------------------------------------------------------------------------
@@ -203,7 +209,8 @@ def show(value):
 
 def table(names, rows):
     """rows: (values of `names`, {column: number})"""
-    columns = list(dict.fromkeys(column for _, values in rows for column in values))
+    columns = dict.fromkeys(column for _, values in rows for column in values)
+    columns = [c for c in columns if told([values for _, values in rows], c)]
     lines = ["| " + " | ".join([*names, *columns]) + " |", "|" + "---|" * (len(names) + len(columns))]
     lines += ["| " + " | ".join([*map(str, key), *(show(values.get(c)) for c in columns)]) + " |" for key, values in rows]
     return "\n".join(lines)
@@ -219,17 +226,17 @@ def summary(groups, variant_names):
             if not of:
                 continue
             values = {"recordings": len(of)}
-            ratios = [f["ATE / bound"] for f in of if "ATE / bound" in f]
+            ratios = told(of, "ATE / bound")
             if ratios:
                 values["ATE / bound, median"] = statistics.median(ratios)
                 values["worst"] = max(ratios)
                 values[f"above {BOUND}"] = sum(r > BOUND for r in ratios)
             for what in ("created", "merged", "observations"):
-                wrong = [f[f"wrong of {what}, %"] for f in of if f"wrong of {what}, %" in f]
+                wrong = told(of, f"wrong of {what}, %")
                 if wrong:
                     values[f"wrong of {what}, %"] = statistics.mean(wrong)
             for column in ("created", "merges", "points left", "obs. / point", "creation, ms", "fusion, ms", "total, ms"):
-                total, before = (sum(f.get(column, 0) for f in some) for some in (of, first))
+                total, before = (sum(told(some, column)) for some in (of, first))
                 if before and len(variant_names) > 1:
                     values[f"{column} / {variant_names[0]}"] = total / before
             rows.append(((rig, noise, variant), values))
