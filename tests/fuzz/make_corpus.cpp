@@ -61,6 +61,8 @@ void texts(const fs::path& corpus) {
   write_bytes(in(corpus, "timing_table", "two_rows"), "iter,ms_total,snapshot\n11,1.5,0\r\n12,2e1,1\n");
   write_bytes(in(corpus, "bal", "one_camera"),
               "1 2 2\n0 0 -1.5 2.5\n0 1 3 4\n0.1 0.2 0.3\n0 0 -1\n500 1e-7 0\n1 2 3\n4 5 6\n");
+  write_bytes(in(corpus, "kitti_stereo", "far_away"),
+              "700 710 0 600 170 0.5\n==\n10 0.6 -0.8 0 1e308 0.8 0.6 0 1 0 0 1 0 0 0 0 1\n==\n10 7 7 3 2 2 1 10\n");
   write_bytes(in(corpus, "kitti_stereo", "two_frames"),
               "700 710 0 600 170 0.5\n==\n10  1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1\n"
               "20  0 0 1 0.5  0 1 0 0  -1 0 0 3  0 0 0 1\n==\n10 7 740 390 240 2 1 10\n20 7 600 550 100 9 9 9\n");
