@@ -102,6 +102,66 @@ TEST_CASE("a track of two views is decided as a pair") {
   CHECK(farther > 20);
 }
 
+template <class Policy, class Camera>
+void check_known(const test_rig<Camera>& rig, unsigned seed, double chi2, int wanted, long& known, long& others) {
+  auto recipe = many_views(seed, motion::sideways);
+  recipe.mapped = 0.3;
+  scene<orb, Camera> s(rig, recipe);
+  std::vector<turbomap::posed_keyframe<orb, Camera>> all{s.query()};
+  for (const auto& n : s.neighbours()) all.push_back(n);
+  std::vector<std::vector<std::int32_t>> numbers;
+  std::vector<std::int32_t> flat, offsets;
+  for (const auto& k : all) {
+    offsets.push_back(static_cast<std::int32_t>(flat.size()));
+    numbers.emplace_back();
+    for (int i = 0; i < k.view.keypoint_count; ++i)
+      numbers.back().push_back(k.has_point[static_cast<std::size_t>(i)] != 0 ? (i * 7 + static_cast<int>(seed)) % 40
+                                                                             : -1);
+    flat.insert(flat.end(), numbers.back().begin(), numbers.back().end());
+  }
+  creation_options creation;
+  search_options search;
+  search.scales = creation.scales = s.scales();
+  search.across_rig = true;
+  creation.known_chi2 = chi2, creation.known_views = wanted;
+  turbomap::context<Policy> ctx{Policy{}};
+  const resident_scene<orb, Camera, Policy> keyframes(ctx, s);
+  const auto found = turbomap::search_correspondences(ctx, keyframes.query(), keyframes.neighbours(), search);
+  turbomap::match_tracks<orb, Camera, Policy> joined(ctx);
+  turbomap::join_tracks(ctx, found, joined);
+  turbomap::track_creation<Policy> made(ctx);
+  turbomap::create_track_points(ctx, found, joined, creation, made, {flat, offsets});
+  std::vector<turbomap::created_track> points, without;
+  std::vector<std::uint8_t> kept;
+  made.plan(ctx, points, kept);
+  turbomap::create_track_points(ctx, found, joined, creation, made);
+  made.plan(ctx, without, kept);
+  const auto& tracks = joined.tracks();
+  for (std::size_t t = 0; t < tracks.size(); ++t) {
+    const auto begin = static_cast<std::size_t>(tracks.offsets[t]),
+               end = static_cast<std::size_t>(tracks.offsets[t + 1]);
+    const bool expected = known_oracle<orb, Camera>(all, numbers, {tracks.views.data() + begin, end - begin}, creation);
+    CHECK((points[t].outcome == creation_outcome::known) == expected);
+    CHECK(without[t].outcome != creation_outcome::known);
+    if (!expected) CHECK(same(points[t], without[t]));
+    (expected ? known : others) += 1;
+  }
+}
+
+TEST_CASE_TEMPLATE("a landmark that has a point is left out", Policy, TURBOMAP_TEST_POLICIES) {
+  long known = 0, others = 0, nobody = 0;
+  for (unsigned seed = 1; seed <= 3; ++seed) {
+    check_known<Policy>(pinhole_rig(), seed, 700, 2, known, others);
+    check_known<Policy>(fisheye_rig(), seed, 700, 2, known, others);
+    check_known<Policy>(pinhole_rig(50), seed, 2000, 3, known, others);
+    check_known<Policy>(pinhole_rig(), seed, 700, 1, known, others);
+    check_known<Policy>(pinhole_rig(), seed, 1e6, 0, nobody, others);
+  }
+  CHECK(known > 100);
+  CHECK(others > 100);
+  CHECK(nobody == 0);
+}
+
 TEST_CASE("nothing found, nothing created") {
   scene_recipe recipe;
   for (const bool no_query : {true, false}) {
@@ -142,8 +202,13 @@ TEST_CASE("bad options and tracks of another search are refused, and the last po
   };
   refused("mono_chi2", [](creation_options& o, double v) { o.mono_chi2 = v; });
   refused("refinement_tolerance", [](creation_options& o, double v) { o.refinement_tolerance = v; });
+  refused("known_chi2", [](creation_options& o, double v) { o.known_chi2 = v; });
+  refused("known_views", [](creation_options& o, double) { o.known_views = -1; });
   refused("refinement_steps", [](creation_options& o, double) { o.refinement_steps = -1; });
   refused("stereo_correlation", [](creation_options& o, double v) { o.stereo_correlation = v; });
+  const std::vector<std::int32_t> offsets(2);
+  CHECK_THROWS_AS(turbomap::create_track_points(ctx, found, joined, {}, made, {offsets, offsets}),
+                  std::invalid_argument);
   const auto fewer = turbomap::search_correspondences(ctx, keyframes.query(), keyframes.neighbours().subspan(0, 1));
   CHECK_THROWS_AS(turbomap::create_track_points(ctx, fewer, joined, {}, made), std::invalid_argument);
 }

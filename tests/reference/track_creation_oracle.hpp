@@ -9,6 +9,8 @@
 #include <turbomap/matching/track_joiner.hpp>
 #include <turbomap/math/dual.hpp>
 
+#include <map>
+#include <set>
 #include <vector>
 
 #include "creation_oracle.hpp"
@@ -126,8 +128,7 @@ class track_oracle {
     fit f = compare(views, x);
     for (int step = 0; step < options_.refinement_steps && !f.behind; ++step) {
       // A direction that is hardly known: both lose digits, and what leaves may hang on that.
-      const Eigen::Vector3d known = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(f.information).eigenvalues();
-      calls_.any = calls_.any || !(known[0] > 1e-7 * known[2]);
+      calls_.any = calls_.any || !(f.information.ldlt().rcond() > 1e-7);
       const Eigen::Vector3d move = f.information.ldlt().solve(f.descent);
       if (!calls_.less(options_.refinement_tolerance, f.descent.dot(move))) break;
       const fit g = compare(views, x + move);
@@ -193,6 +194,29 @@ class track_oracle {
   oracle_track_point result_;
 };
 TURBOMAP_TEST_EIGEN_END
+
+/// Whether keypoints beside so many views of the track as the options say see one point of the map.
+/// \param numbers  by keyframe: the number of the point at each keypoint, -1: none
+template <class Descriptor, class Camera>
+bool known_oracle(const std::vector<turbomap::posed_keyframe<Descriptor, Camera>>& keyframes,
+                  const std::vector<std::vector<std::int32_t>>& numbers,
+                  turbomap::span<const turbomap::track_view> views, const turbomap::creation_options& options) {
+  std::map<std::int32_t, std::set<std::size_t>> seen;  // views by point
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const auto k = static_cast<std::size_t>(views[i].keyframe);
+    const auto& view = keyframes[k].view;
+    for (int j = 0; j < view.keypoint_count; ++j) {
+      if (view.camera_of(j) != views[i].camera || numbers[k][static_cast<std::size_t>(j)] < 0) continue;
+      const double d2 = (pixel_of(view, j) - pixel_of(view, views[i].keypoint)).squaredNorm();
+      const double sigma2 = static_cast<double>(oracle_sigma2(options.scales, view.octave[j])) +
+                            static_cast<double>(oracle_sigma2(options.scales, view.octave[views[i].keypoint]));
+      if (d2 <= options.known_chi2 * sigma2) seen[numbers[k][static_cast<std::size_t>(j)]].insert(i);
+    }
+  }
+  for (const auto& s : seen)
+    if (options.known_views > 0 && s.second.size() >= static_cast<std::size_t>(options.known_views)) return true;
+  return false;
+}
 
 /// What becomes of each track. The views are in host memory.
 template <class Descriptor, class Camera>

@@ -93,6 +93,7 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
     created += row.report.points_created;
     matches += row.report.matches, creation.tracks += row.report.creation.tracks;
     creation.contradictions += row.report.creation.contradictions;
+    creation.known += row.report.creation.known;
     creation.views_left_out += row.report.creation.views_left_out;
     fused += row.report.fused;
   }
@@ -111,6 +112,7 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
             {"matches", matches},
             {"tracks", creation.tracks},
             {"contradictions", creation.contradictions},
+            {"tracks_known", creation.known},
             {"views_left_out", creation.views_left_out},
             {"points_culled", points_culled},
             {"keyframes_culled", keyframes_culled},

@@ -11,6 +11,7 @@
 #include "../camera/point_uncertainty.hpp"
 #include "../config.hpp"
 #include "../math/symmetric3.hpp"
+#include "../store/keypoint_window.hpp"
 #include "projection_test.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE

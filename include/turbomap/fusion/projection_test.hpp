@@ -12,8 +12,8 @@
 #include "../config.hpp"
 #include "../math/functions.hpp"
 #include "../math/symmetric3.hpp"
+#include "../store/keypoint_window.hpp"
 #include "projection_view.hpp"
-#include "projection_window.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 

@@ -88,12 +88,13 @@ class map_point_creation {
   }
   void compute_tracks(context<Policy>& ctx, const search_type& search, const creation_options& options) {
     join_tracks(ctx, search.matches(), tracks_);
-    create_track_points(ctx, search.matches(), tracks_, options, track_points_);
+    create_track_points(ctx, search.matches(), tracks_, options, track_points_, search.points());
     track_points_.plan(ctx, points_, kept_);
     const track_list& tracks = tracks_.tracks();
     matches_ = tracks_.plan().size(), summary_.tracks = tracks.size();
     for (const match_outcome o : tracks.outcomes) summary_.contradictions += o == match_outcome::contradicts ? 1 : 0;
     for (std::size_t t = 0; t < points_.size(); ++t) {
+      if (points_[t].outcome == creation_outcome::known) ++summary_.known;
       if (points_[t].outcome != creation_outcome::accepted) continue;
       const auto end = static_cast<std::size_t>(tracks.offsets[t + 1]);
       views_.clear();

@@ -16,7 +16,9 @@
 #include "../config.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/neighbourhood.hpp"
+#include "../map/numbering.hpp"
 #include "../matching/correspondence_search.hpp"
+#include "../matching/creation_plan.hpp"
 #include "../matching/neighbour_rules.hpp"
 #include "../plain_vector.hpp"
 #include "../store/posed_keyframe.hpp"
@@ -78,6 +80,8 @@ class neighbour_search {
   span<const posed_keyframe<descriptor, camera>> posed() const { return posed_; }
   const keyframe_selection<Map>& selection() const { return selection_; }
   const matches_type& matches() const { return matches_; }
+  /// Which points the keypoints of posed() see, if the options asked for that.
+  known_points points() const { return {point_numbers_, point_offsets_}; }
 
  private:
   void gather(const Map& map, const handle_table& stored, keyframe query, const list_of<keyframe>& neighbours,
@@ -90,11 +94,18 @@ class neighbour_search {
       if (selection_.size() > most) break;
       if (suffices(map, T_query, n, options)) selection_.place(map, n, stored);
     }
+    numbers_.clear(), point_numbers_.clear(), point_offsets_.clear();
     masks_.resize(std::max(masks_.size(), selection_.size()));
     for (std::size_t k = 0; k < selection_.size(); ++k) {
       auto& mask = masks_[k];
       mask.resize(keypoint_count_of(map, selection_[k]));
-      for (std::size_t i = 0; i < mask.size(); ++i) mask[i] = !(traits::point_at(map, selection_[k], i) == point{});
+      if (options.number_points) point_offsets_.push_back(static_cast<std::int32_t>(point_numbers_.size()));
+      for (std::size_t i = 0; i < mask.size(); ++i) {
+        const point p = traits::point_at(map, selection_[k], i);
+        mask[i] = !(p == point{});
+        if (options.number_points)
+          point_numbers_.push_back(mask[i] == 0 ? -1 : static_cast<std::int32_t>(numbers_.place(map, p)));
+      }
     }
   }
   bool suffices(const Map& map, const rigid_transform<double>& T_query, keyframe n,
@@ -117,6 +128,8 @@ class neighbour_search {
   std::optional<pinned_keyframes<descriptor, camera, memory_of_t<Policy>>> pinned_;
   plain_vector<posed_keyframe<descriptor, camera>> posed_;
   matches_type matches_;
+  point_numbering<Map> numbers_;
+  plain_vector<std::int32_t> point_numbers_, point_offsets_;
   plain_vector<vec3<double>> points_;
   plain_vector<double> depths_;
 };

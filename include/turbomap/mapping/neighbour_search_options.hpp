@@ -16,6 +16,8 @@ struct neighbour_search_options {
   neighbour_options baseline_rule;
   double stereo_baseline =
       0;  ///< m: neighbours nearer than this are not searched; 0: monocular, the median depth decides
+  /// Note which points the keypoints see, for creation_options::known_views.
+  bool number_points = true;
   /// The cameras of a rig are matched with each other too where points are made from tracks: see search_options. What both
   /// see becomes one point.
   bool across_rig = true;

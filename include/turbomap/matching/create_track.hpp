@@ -11,6 +11,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "create_point.hpp"
+#include "known_landmark.hpp"
 #include "place_views.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -25,7 +26,8 @@ struct create_track {
     p.method = creation_method::none;
     const range views{tracks.offsets[t], tracks.offsets[t + 1]};
     p.views = views.end - views.begin;
-    p.outcome = create(views, p);
+    p.outcome =
+        known_landmark<Descriptor, Camera>{tracks}(views.begin, views.end) ? creation_outcome::known : create(views, p);
     tracks.points[t] = p;
   }
 

@@ -30,6 +30,10 @@ inline void check_creation_options(const creation_options& options, float search
   }
   require(options.refinement_steps >= 0, "options.refinement_steps", options.refinement_steps, "must not be negative");
   check_not_negative("options.refinement_tolerance", options.refinement_tolerance);
+  require(options.known_views >= 0, "options.known_views", options.known_views, "must not be negative");
+  check_not_negative("options.known_chi2", options.known_chi2);
+  require(options.scales.levels >= 1 && options.scales.levels <= scale_table_size, "options.scales.levels",
+          options.scales.levels, "must be in [1, 256]: octaves are bytes");
   require(options.stereo_correlation >= 0 && options.stereo_correlation < 1, "options.stereo_correlation",
           options.stereo_correlation, "must be at least 0 and below 1");
 }

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "../span.hpp"
 #include "../types.hpp"
 
 namespace turbomap {
@@ -25,7 +26,8 @@ enum class creation_outcome : std::uint8_t {
   reprojection_neighbour = 7,  ///< reprojection error in the neighbour above the gate
   zero_distance = 8,           ///< the point coincides with a camera centre
   too_far = 9,                 ///< farther than options.max_distance
-  scale = 10                   ///< the ratio of distances contradicts the ratio of octaves
+  scale = 10,                  ///< the ratio of distances contradicts the ratio of octaves
+  known = 11                   ///< tracks: the map has a point of this landmark already
 };
 
 /// Where the position of a point came from.
@@ -51,6 +53,11 @@ struct creation_options {
   /// Tracks: no further step where it promises to lower the sum of squared errors / sigma2 by less than this: 1e-3 moves
   /// a point by 3 % of its standard deviation.
   double refinement_tolerance = 1e-3;
+  /// Tracks: detectors find one corner in several octaves, and a camera sees a point at one of them only. A track is of a
+  /// known landmark if in so many of its views a keypoint beside it sees the same point of the map; 0: nobody asks.
+  int known_views = 2;
+  /// Beside: squared distance <= this (sigma2 of one + sigma2 of the other): 95 %, 2 dof, as merge_tolerance.
+  double known_chi2 = 5.991;
   double stereo_correlation = 0;  ///< tracks: of the errors of u and u_right, in [0, 1); weighs rows of u_right
 };
 
@@ -62,6 +69,14 @@ struct created_point {
   creation_outcome outcome;
   creation_method method;
   vec3<double> position;  ///< world, m; meaningful once a method is named
+};
+
+/// Which points of the map the keypoints of a search see, on the host: for known landmarks.
+struct known_points {
+  span<const std::int32_t>
+      numbers;  ///< by keypoint of one keyframe after the other, the query first; equal numbers: one
+                ///< point; -1: none
+  span<const std::int32_t> offsets;  ///< of each keyframe's keypoints, as many as keyframes; empty: nobody knows
 };
 
 /// One track with what became of it.
@@ -77,6 +92,7 @@ struct created_track {
 struct creation_summary {
   std::size_t tracks = 0;          ///< that matches were joined into
   std::size_t contradictions = 0;  ///< matches that contradict a track
+  std::size_t known = 0;           ///< tracks of landmarks that have a point already
   std::size_t views_left_out = 0;  ///< of accepted tracks: they did not fit
 };
 

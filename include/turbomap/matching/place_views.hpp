@@ -35,8 +35,11 @@ template <class Descriptor, class Camera>
 struct track_creation_view {
   search_view<Descriptor, Camera> search;
   creation_options options;
-  const std::int32_t* offsets;  ///< track_count + 1
-  const track_view* views;      ///< of all tracks
+  const std::int32_t* offsets;           ///< track_count + 1
+  const track_view* views;               ///< of all tracks
+  const std::int32_t* map_points;        ///< number of the map point at each keypoint of all keyframes, -1: none; null:
+                                         ///< nobody knows
+  const std::int32_t* map_point_offset;  ///< of each keyframe
   int track_count;
   int view_count;
   int cameras;                            ///< the most of any keyframe

@@ -46,7 +46,7 @@ class track_creation {
   /// See create_track_points().
   template <class Descriptor, class Camera>
   void create(context<Policy>& ctx, const search_view<Descriptor, Camera>& search, const track_list& tracks,
-              const creation_options& options) {
+              const creation_options& options, const known_points& known) {
     track_creation_view<Descriptor, Camera> v{};
     v.search = search;
     v.options = options;
@@ -60,14 +60,20 @@ class track_creation {
     packed_inputs inputs;
     const auto offsets = inputs.place<std::int32_t>(tracks.offsets.size());
     const auto views = inputs.place<track_view>(tracks.views.size());
+    const auto numbers = inputs.place<std::int32_t>(known.numbers.size());
+    const auto starts = inputs.place<std::int32_t>(known.offsets.size());
     const upload_block block = ctx.begin_upload(inputs_, inputs.bytes());
     offsets.copy(block, tracks.offsets.data());
     views.copy(block, tracks.views.data());
+    numbers.copy(block, known.numbers.data());
+    starts.copy(block, known.offsets.data());
     ctx.send(block, inputs.bytes());
     points_.resize_discard(tracks.size());
     kept_.resize_discard(tracks.views.size());
     v.offsets = offsets.resident(block);
     v.views = views.resident(block);
+    v.map_points = known.offsets.empty() ? nullptr : numbers.resident(block);
+    v.map_point_offset = starts.resident(block);
     v.placed_cameras = cameras_.data();
     v.placed_views = views_.data();
     v.kept = kept_.data();
@@ -93,6 +99,7 @@ class track_creation {
 /// estimate is repeated. Two views are decided as create_points() decides a match, then refined.
 /// \param matches  the search that was joined; its keyframes must still be there
 /// \param tracks   of these matches
+/// \param known    where map points are seen in these keyframes: a landmark that has one is left out (outcome `known`)
 /// \param result   overwritten. Under CUDA the work may still be running on return
 /// \throws std::invalid_argument  an option is not finite or out of range, the scale factor is not that of the search, or
 ///         tracks are not of the matches; nothing is changed
@@ -100,11 +107,15 @@ class track_creation {
 template <class Descriptor, class Camera, class Policy>
 void create_track_points(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches,
                          const match_tracks<Descriptor, Camera, Policy>& tracks, const creation_options& options,
-                         track_creation<Policy>& result) {
+                         track_creation<Policy>& result, const known_points& known = {}) {
   check_creation_options(options, matches.view().options.scales.scale_factor);
   require(tracks.searched() == matches.size(), "tracks", tracks.searched(),
           "are not of the matches: of another number");
-  result.create(ctx, matches.view(), tracks.tracks(), options);
+  const auto keyframes =
+      static_cast<std::size_t>(1 + matches.view().neighbour_count - (matches.view().own_neighbour >= 0 ? 1 : 0));
+  require(known.offsets.empty() || known.offsets.size() == keyframes, "known.offsets.size()", known.offsets.size(),
+          "must be the number of keyframes, or 0");
+  result.create(ctx, matches.view(), tracks.tracks(), options, known);
 }
 
 TURBOMAP_END_NAMESPACE

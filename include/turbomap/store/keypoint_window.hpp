@@ -8,7 +8,7 @@
 #include <cstdint>
 
 #include "../config.hpp"
-#include "../store/keyframe_view.hpp"
+#include "keyframe_view.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
