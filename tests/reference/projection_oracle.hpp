@@ -121,7 +121,7 @@ oracle_trial<Descriptor> oracle_projection(const turbomap::map_point_view<Descri
   const bool uncertain = !Sigma.isZero(0);
   uncertainty_view<Camera> seen{mounted.camera, T, stereo_camera ? mounted.bf : 0.0};
   seen.sigma2 = oracle_sigma2(options.scales, level < 0 ? options.window_octave : level);
-  const double numeric = uncertain ? 1e4 : 1;
+  const double numeric = uncertain ? 100 : 1;
   Eigen::Vector2d window(radius, radius);
   if (uncertain && options.window_sigmas > 0) {
     const Eigen::MatrixXd spread = oracle_spread(seen, X, Sigma);
