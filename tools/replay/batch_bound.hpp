@@ -4,8 +4,9 @@
 
 /// \file
 /// How well the poses of a simulated recording can be known at all: one bundle adjustment of every keyframe, with every
-/// observation that is true by the simulator's ids and none that is wrong, begun at the truth. No map that is built from the
-/// same keypoints can be expected to come nearer, so its trajectory error is what a replay's is compared with.
+/// observation that is true by the simulator's ids and none that is wrong, begun at the truth. A map that is built from
+/// the same keypoints cannot be expected to come nearer, though one may by chance: its trajectory error is what a replay's is
+/// compared with.
 
 #include <cstddef>
 #include <cstdint>
