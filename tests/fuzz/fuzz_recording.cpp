@@ -60,6 +60,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   turbomap::recording r;
   if (!reads([&] { r = turbomap::read_recording(files.folder()); })) return 0;
   check(r);
+  if (data[0] / 2 % 4 != 0) return 0;  // writing takes most of the time
   turbomap::write_recording(folder() / "written", r);
   expect(contents(turbomap::read_recording(folder() / "written")) == contents(r), "a recording is read back");
   return 0;
