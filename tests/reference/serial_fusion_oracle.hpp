@@ -16,8 +16,8 @@
 #include <vector>
 
 #include "appearance_oracle.hpp"
-#include "projection_oracle.hpp"
 #include "map_oracle.hpp"
+#include "projection_oracle.hpp"
 
 namespace turbomap_test {
 
@@ -106,7 +106,7 @@ class serial_fusion_oracle {
         1, &a.position, &a.normal, &a.min_distance, &a.max_distance, a.descriptor.data()};
     const auto& k = keyframes.at(target);
     const auto found = oracle_projection(one, 0, turbomap::duplicate_target<Descriptor, Camera>{k.view, k.T_cw, {}},
-                                        camera, order, options);
+                                         camera, order, options);
     // Close calls count as well: a point that another camera of its reference keyframe saw has a range that ends within the
     // rounding of float from an octave, a thousand times what double needs.
     return found.trial.outcome == turbomap::duplicate_outcome::matched ? found.trial.keypoint : -1;
