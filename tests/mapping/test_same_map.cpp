@@ -21,6 +21,9 @@ TEST_CASE_TEMPLATE("the same map under every policy, sound after every keyframe"
   auto serial = stereo_case(noisy(8));
   serial.options.fusion.mode = turbomap::fusion_mode::serial_exact;
   check_same_map(Policy{}, serial, 6);
+  auto pairs = rig_case(noisy(9));
+  pairs.options.creation.rule = turbomap::creation_rule::pairs;
+  check_same_map(Policy{}, pairs, 6);
 }
 
 TEST_CASE_TEMPLATE("without noise the map is right", Policy, TURBOMAP_TEST_POLICIES) {

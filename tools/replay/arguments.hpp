@@ -35,7 +35,7 @@ struct arguments {
   /// Stages that are switched on.
   bool point_culling = true, search = true, creation = true, fusion = true, map_update = true;
   bool adjustment = true, preintegration = true, culling = true;
-  std::string rule = "pairs";                      ///< creation_rule: tracks or pairs
+  std::string rule = "tracks";                     ///< creation_rule: tracks or pairs
   std::string candidates = "ordered";              ///< exhaustive, ordered or grouped (replay mode)
   bool serial_fusion = false;                      ///< fusion_mode::serial_exact
   std::string merges = "apart";                    ///< merge_rule: refuse, apart or drop

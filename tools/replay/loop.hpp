@@ -62,7 +62,7 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording& 
   o.search.candidate_set = a.candidates == "grouped"      ? turbomap::candidates::grouped
                            : a.candidates == "exhaustive" ? turbomap::candidates::exhaustive
                                                           : turbomap::candidates::epipolar_ordered;
-  o.creation.rule = a.rule == "tracks" ? turbomap::creation_rule::tracks : turbomap::creation_rule::pairs;
+  o.creation.rule = a.rule == "tracks" && !a.check ? turbomap::creation_rule::tracks : turbomap::creation_rule::pairs;
   o.creation.stereo_correlation = a.correlation(recording);
   o.fusion.mode = a.serial_fusion ? turbomap::fusion_mode::serial_exact : turbomap::fusion_mode::snapshot;
   o.fusion.commit.merges = a.merges == "drop"     ? turbomap::merge_rule::drop

@@ -41,7 +41,7 @@ enum class creation_rule : std::uint8_t {
 
 /// Options of create_points() and create_track_points(). Defaults are those of [ORB-SLAM3] where it has them.
 struct creation_options {
-  creation_rule rule = creation_rule::pairs;  ///< of the stage; each of the two functions has its own
+  creation_rule rule = creation_rule::tracks;  ///< of the stage; each of the two functions has its own
   pyramid scales;
   double max_parallax_cosine = 0.9998;  ///< monocular matches need more parallax than this; 0.9996 in inertial systems
   double mono_chi2 = 5.991;             ///< gate of reprojection error^2 / sigma2, 95 %, 2 dof
