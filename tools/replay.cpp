@@ -117,6 +117,12 @@ int main(int argc, char** argv) try {
                  "where keypoints get points of the map from: the recorded associations, or those and the local map, "
                  "projected into the keyframe")
       ->check(CLI::IsMember({"recorded", "projected"}));
+  std::string points = "exact", fused = "exact";
+  app.add_option("--points", points,
+                 "how well tracking knows the points of the map: exactly, or as their covariances say")
+      ->check(CLI::IsMember({"exact", "uncertain"}));
+  app.add_option("--fusion-points", fused, "how well fusion's gate knows them")
+      ->check(CLI::IsMember({"exact", "uncertain"}));
   app.add_flag("--queue", a.queue, "keyframes come in recorded time: stages are skipped while one waits");
   app.add_option("--precision", a.numbers, "what adjustments compute in")
       ->check(CLI::IsMember({"float64", "mixed", "float32"}));
@@ -140,6 +146,7 @@ int main(int argc, char** argv) try {
   }
   if (!stages.empty()) choose_stages(stages, a);
   a.projected = associate == "projected";
+  a.uncertain_tracking = points == "uncertain", a.uncertain_fusion = fused == "uncertain";
   if (a.recording.empty()) a.recording = demo_recording(argv[0]);
 
   if (a.beside == std::vector<std::string>{"all"}) a.beside = other_policies(a.policy);

@@ -214,6 +214,10 @@ class local_mapper {
   appearance_options appearance() const {
     appearance_options options;
     options.scales = options_.fusion.search.scales;
+    if constexpr (detail::map_has_v<Map, detail::map_covariance_member>) {
+      options.covariance = options_.covariances;
+      options.stereo_correlation = options_.adjustment.stereo_correlation;
+    }
     return options;
   }
   /// Appearances are read by fusion, and by tracking after process(). So what fusion, adjustment and culling change is

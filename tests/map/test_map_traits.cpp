@@ -56,6 +56,8 @@ enum class member {
   octave_counts,
   change_octave_count,
   reserve_observations,
+  covariance,
+  set_covariance,
   found_ratio,
   may_erase,
   time,
@@ -214,6 +216,12 @@ struct turbomap::map_traits<users::map_without<L>> : users::keyframe_name<L != u
   template <m X = L>
   static unless<m::reserve_observations, X, void> reserve_observations(M&, P, std::size_t) {}
   template <m X = L>
+  static unless<m::covariance, X, turbomap::point_covariance> covariance(const M&, P) {
+    return {};
+  }
+  template <m X = L>
+  static unless<m::set_covariance, X, void> set_covariance(M&, P, const turbomap::point_covariance&) {}
+  template <m X = L>
   static unless<m::found_ratio, X, float> found_ratio(const M&, P) {
     return 1;
   }
@@ -290,12 +298,16 @@ static_assert(has_without<member::nothing, turbomap::detail::map_adjust_member>)
 static_assert(!has_without<member::set_position, turbomap::detail::map_adjust_member>);
 static_assert(!has_without<member::set_pose, turbomap::detail::map_adjust_member>);
 static_assert(!has_without<member::reserve_observations, turbomap::detail::map_reserve_member>);
+static_assert(has_without<member::nothing, turbomap::detail::map_covariance_member>);
+static_assert(!has_without<member::covariance, turbomap::detail::map_covariance_member>);
+static_assert(!has_without<member::set_covariance, turbomap::detail::map_covariance_member>);
 static_assert(!has_without<member::found_ratio, turbomap::detail::map_found_member>);
 static_assert(!has_without<member::may_erase, turbomap::detail::map_may_erase_member>);
 static_assert(!has_without<member::guard, turbomap::detail::map_guard_member>);
 // simple_map has them all but a guard: it is not synchronised.
 static_assert(turbomap::detail::map_has_v<flat_map, turbomap::detail::map_counts_member>);
 static_assert(turbomap::detail::map_has_v<flat_map, turbomap::detail::map_reserve_member>);
+static_assert(turbomap::detail::map_has_v<flat_map, turbomap::detail::map_covariance_member>);
 static_assert(turbomap::detail::map_has_v<flat_map, turbomap::detail::map_found_member>);
 static_assert(turbomap::detail::map_has_v<flat_map, turbomap::detail::map_may_erase_member>);
 static_assert(turbomap::detail::map_has_v<flat_map, turbomap::detail::map_temporal_member>);

@@ -118,6 +118,34 @@ TEST_CASE("observers that are not in the store do not count") {
   CHECK(different == 0);
 }
 
+TEST_CASE("covariances are kept where they are asked for, those of the views that a point has") {
+  using traits = turbomap::map_traits<flat_map>;
+  stale_map<flat_map, pinhole_camera, sequential> s(pinhole_rig(50));
+  s(s.points);
+  for (const auto p : s.points) CHECK(traits::covariance(s.run.map, p).zz == 0);
+  s.options.covariance = true;
+  s(s.points);
+  const auto before = [&](map_point_id p) { return traits::covariance(s.run.map, p); };
+  std::vector<turbomap::point_covariance> first;
+  for (const auto p : s.points) first.push_back(before(p));
+  for (const auto& c : first) CHECK((c.xx > 0 && c.yy > 0 && c.zz > 0 && c.xx + c.yy + c.zz < 1e3F));
+  // A view less: known worse.
+  std::size_t worse = 0, less = 0;
+  for (const auto p : s.points) {
+    const auto views = s.run.map.observations(p);
+    if (views.size() < 3) continue;
+    turbomap::forget(s.run.map, s.run.map.keyframe_at(views[0].keyframe), static_cast<std::size_t>(views[0].keypoint));
+    ++less;
+  }
+  s(s.points);
+  for (std::size_t i = 0; i < s.points.size(); ++i) {
+    const auto c = before(s.points[i]);
+    worse += c.xx + c.yy + c.zz > first[i].xx + first[i].yy + first[i].zz ? 1 : 0;
+  }
+  CHECK(less > 20);
+  CHECK(worse == less);
+}
+
 TEST_CASE("what is not asked for stays as it is") {
   using traits = turbomap::map_traits<flat_map>;
   stale_map<flat_map, pinhole_camera, sequential> s(pinhole_rig(50)), whole(pinhole_rig(50));

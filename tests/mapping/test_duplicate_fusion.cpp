@@ -9,6 +9,7 @@
 
 #include <stdexcept>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "duplicate_fusion_cases.hpp"
@@ -90,6 +91,24 @@ TEST_CASE("what was fused once is not fused again") {
   CHECK(p.fusion.touched().empty());
   const auto again = p.forward();
   CHECK(again.merged == 0);
+}
+
+TEST_CASE("points that are known badly are found farther away; exact ones as ever") {
+  using traits = turbomap::map_traits<flat_map>;
+  const auto fuse = [](bool covariances, float variance) {
+    prepared<flat_map> p;
+    p.options.covariances = covariances;
+    traits::for_each_point(p.run.map, [&](turbomap::map_point_id id) {
+      traits::set_covariance(p.run.map, id, {variance, 0, variance, 0, 0, variance});
+      auto x = p.run.map.position(id);
+      x.x += 0.03;  // out of the exact gate
+      if (variance > 0) traits::set_position(p.run.map, id, x);
+    });
+    const auto done = p.forward();
+    return std::make_pair(content(p.run.map), done.entries);
+  };
+  CHECK(fuse(true, 0).first == fuse(false, 0).first);
+  CHECK(fuse(true, 0.01F).second > fuse(false, 0.01F).second + 5);
 }
 
 TEST_CASE("what died between search and commit is stale") {

@@ -24,6 +24,7 @@ struct local_map_options {
   std::size_t most_keyframes = 80;          ///< of the local map
   turbomap::neighbourhood_options choice;   ///< see the constructor
   turbomap::projection_options projection;  ///< scales are to be set
+  bool covariances = false;                 ///< windows and gates know how well points are known
 
   local_map_options() {
     choice.min_shared_points = 1;  // every keyframe that shares a point ...
@@ -70,7 +71,7 @@ class local_map_search {
     points_.mark_observed({pinned[0].camera_count});
     const turbomap::projection_target<descriptor, camera> target{pinned[0], traits::pose(map, k), points_.skip(0),
                                                                  taken_};
-    turbomap::search_by_projection(ctx_, points_.points_view(),
+    turbomap::search_by_projection(ctx_, points_.points_view(options.covariances),
                                    turbomap::span<const turbomap::projection_target<descriptor, camera>>(&target, 1),
                                    options.projection, found_);
     found_.plan(ctx_, plan_);

@@ -70,6 +70,8 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording& 
                                                   : turbomap::merge_rule::refuse_apart;
   o.adjustment.solve.numbers = a.precision();
   o.adjustment.stereo_correlation = a.correlation(recording);
+  o.covariances = a.uncertain_tracking || a.uncertain_fusion;
+  o.fusion.covariances = a.uncertain_fusion;
   o.deadline_ms = a.deadline_ms;
   o.enabled[mapping_stage::point_culling] = a.point_culling;
   o.enabled[mapping_stage::search] = a.search;
@@ -94,7 +96,7 @@ class replayer {
         ctx_(policy),
         store_(recorded_store_options(recording.meta)),
         world_(recording, arguments.adjustment),
-        tracker_(ctx_, rig_, recording.meta.pyramid(), arguments.correlation(recording)),
+        tracker_(ctx_, rig_, recording.meta.pyramid(), arguments.correlation(recording), arguments.uncertain_tracking),
         local_map_(ctx_),
         judge_(recording, ctx_),
         points_(recording),
@@ -162,6 +164,7 @@ class replayer {
     local_map_options options;
     options.projection.scales = recording_.meta.pyramid();
     options.projection.stereo_correlation = arguments_.correlation(recording_);
+    options.covariances = arguments_.uncertain_tracking;
     const auto& added = local_map_(map, keyframe, store_, mapper_.stored(), options);
     const auto right = [&](const auto& a) {
       if (!recording_.is_simulated()) return false;

@@ -24,8 +24,8 @@ class pose_tracker {
   static constexpr std::size_t fewest = 10;  ///< associations: with fewer the guess stands
 
   pose_tracker(turbomap::context<Policy>& ctx, const std::vector<turbomap::rig_camera<camera>>& rig,
-               const turbomap::pyramid& scales, double stereo_correlation)
-      : ctx_(ctx), rig_(rig), adjust_(ctx) {
+               const turbomap::pyramid& scales, double stereo_correlation, bool covariances)
+      : ctx_(ctx), rig_(rig), adjust_(ctx), covariances_(covariances) {
     options_.stereo_correlation = stereo_correlation;
     turbomap::fill_scales(scales, scale_, sigma2_);
   }
@@ -33,6 +33,7 @@ class pose_tracker {
   /// Refines the pose of a keyframe; observations that do not fit are forgotten, as tracking forgets them.
   void operator()(Map& map, typename traits::keyframe k) {
     points_.clear(), pixels_.clear(), information_.clear(), cameras_.clear(), keypoints_.clear();
+    covariance_.clear();
     for (std::size_t i = 0; i < traits::keypoint_count(map, k); ++i) {
       const auto p = traits::point_at(map, k, i);
       if (p == typename traits::point{}) continue;
@@ -42,6 +43,7 @@ class pose_tracker {
       information_.push_back(1 / static_cast<double>(sigma2_[z.octave]));
       cameras_.push_back(z.camera);
       keypoints_.push_back(i);
+      if (covariances_) covariance_.push_back(traits::covariance(map, p));
     }
     if (points_.size() < fewest) return;
     const std::int32_t begin[2] = {0, static_cast<std::int32_t>(points_.size())};
@@ -50,6 +52,7 @@ class pose_tracker {
     in.T_cw = {&traits::pose(map, k), 1};
     in.begin = {begin, 2};
     in.point = points_, in.pixel = pixels_, in.information = information_, in.camera = cameras_;
+    in.covariance = covariance_;
     adjust_(ctx_, in, options_, poses_, outliers_);
     if (poses_[0].adjusted == 0) return;
     traits::set_pose(map, k, poses_[0].T_cw);
@@ -62,9 +65,11 @@ class pose_tracker {
   const std::vector<turbomap::rig_camera<camera>>& rig_;
   turbomap::motion_only<camera, Policy> adjust_;
   turbomap::motion_only_options options_;
+  bool covariances_;  ///< points are as well known as the map says; false: exactly
   float scale_[turbomap::scale_table_size], sigma2_[turbomap::scale_table_size];
   std::vector<turbomap::vec3<double>> points_, pixels_;
   std::vector<double> information_;
+  std::vector<turbomap::point_covariance> covariance_;
   std::vector<std::uint8_t> cameras_, outliers_;
   std::vector<std::size_t> keypoints_;
   std::vector<turbomap::posed_frame> poses_;

@@ -58,6 +58,8 @@
 ///       static void reserve_observations(my::Map&, point, std::size_t more);  // may throw: add_observation then does not
 ///       static std::size_t index(const my::Map&, keyframe);           // small and unique among the living, e.g. a place in
 ///       static std::size_t index(const my::Map&, point);              //    an array: replaces tables of ids
+///       static turbomap::point_covariance covariance(const my::Map&, point);   // how well its position is known; these
+///       static void set_covariance(my::Map&, point, const turbomap::point_covariance&);        // two: both or neither
 ///       static float found_ratio(const my::Map&, point);              // found / visible in tracking; else taken as 1
 ///       static bool may_erase(const my::Map&, keyframe);              // false: culling leaves it (the first one, ...)
 ///       static bool is_origin(const my::Map&, keyframe);              // adjustments hold it: the frame of reference
@@ -170,6 +172,11 @@ using map_counts_member =
 template <class M, class T>
 using map_reserve_member =
     decltype(T::reserve_observations(std::declval<M&>(), std::declval<point_of<T>>(), std::size_t{}));
+template <class M, class T>
+using map_covariance_member =
+    std::void_t<decltype(T::covariance(std::declval<const M&>(), std::declval<point_of<T>>()).zz),
+                decltype(T::set_covariance(std::declval<M&>(), std::declval<point_of<T>>(),
+                                           std::declval<const point_covariance&>()))>;
 template <class M, class T>
 using map_found_member = decltype(T::found_ratio(std::declval<const M&>(), std::declval<point_of<T>>()));
 template <class M, class T>

@@ -87,6 +87,8 @@ class appearance_update {
                              options.descriptors
                                  ? descriptors_.data() + i * static_cast<std::size_t>(descriptor::elements)
                                  : traits::descriptor_data(s.map, p));
+      if constexpr (detail::map_has_v<Map, detail::map_covariance_member>)
+        if (options.covariance) traits::set_covariance(s.map, p, u.covariance);
     }
   }
 

@@ -83,6 +83,8 @@ void commit_points(Map& map, const new_points_view& points,
     if (!appearances.empty()) {
       const point_appearance& a = appearances.points[i];
       traits::set_appearance(map, point, a.normal, a.min_distance, a.max_distance, appearances.descriptor(i));
+      if constexpr (detail::map_has_v<Map, detail::map_covariance_member>)
+        traits::set_covariance(map, point, a.covariance);
     }
     for (std::size_t v = first; v < end; ++v)
       if (const point_observation& o = points.observations[v]; possible(o))

@@ -63,7 +63,7 @@ class duplicate_fusion {
       snapshot_points(s, sources);
       snapshot_targets(s, targets);
     }
-    compute(s, all_cameras, options.search);
+    compute(s, all_cameras, options);
     return commit(s, options.commit);
   }
 
@@ -86,7 +86,7 @@ class duplicate_fusion {
           for (const point p : points) snapshot_.add_point(s.map, p);
           snapshot_targets(s, span<const keyframe>(&target, 1));
         }
-        compute(s, c, options.search);
+        compute(s, c, options);
         summary += commit(s, options.commit);
         cameras = targets_.size() == 0 ? 1 : cameras_[0];
         appearance_options update;
@@ -114,7 +114,7 @@ class duplicate_fusion {
   }
 
   /// Searches the points in the targets. \param only_camera  of every target, or all_cameras
-  void compute(const scope& s, int only_camera, const duplicate_options& options) {
+  void compute(const scope& s, int only_camera, const fusion_options& options) {
     const auto pinned = s.store.pin(s.ctx, span<const keyframe_handle>(targets_.handles()));
     cameras_.clear();
     for (std::size_t t = 0; t < targets_.size(); ++t) cameras_.push_back(pinned[t].camera_count);
@@ -124,8 +124,8 @@ class duplicate_fusion {
     call_.clear();
     for (std::size_t t = 0; t < targets_.size(); ++t)
       call_.push_back({pinned[t], targets_.T_cw()[t], snapshot_.skip(t)});
-    find_duplicates(s.ctx, snapshot_.points_view(), span<const duplicate_target<descriptor, camera>>(call_), options,
-                    duplicates_);
+    find_duplicates(s.ctx, snapshot_.points_view(options.covariances),
+                    span<const duplicate_target<descriptor, camera>>(call_), options.search, duplicates_);
     duplicates_.plan(s.ctx, plan_);
   }
 

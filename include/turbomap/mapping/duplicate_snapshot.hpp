@@ -33,6 +33,7 @@ class duplicate_snapshot {
     seen_.clear();
     points_.clear();
     positions_.clear(), normals_.clear(), min_distances_.clear(), max_distances_.clear(), descriptors_.clear();
+    covariances_.clear();
   }
   /// Takes in the live points of a keyframe, in the order of its keypoints, each point once. O(keypoints).
   void add_points_of(const Map& map, keyframe k) {
@@ -80,13 +81,15 @@ class duplicate_snapshot {
             points_.size(), std::uint8_t{1});
   }
 
-  map_point_view<descriptor> points_view() const {
+  /// \param covariances  false: points are exact
+  map_point_view<descriptor> points_view(bool covariances = false) const {
     return {static_cast<int>(points_.size()),
             positions_.data(),
             normals_.data(),
             min_distances_.data(),
             max_distances_.data(),
-            descriptors_.data()};
+            descriptors_.data(),
+            covariances && covariances_.size() == points_.size() ? covariances_.data() : nullptr};
   }
   const list_of<point>& points() const { return points_; }
   /// What find_duplicates() takes: [camera][point].
@@ -112,6 +115,8 @@ class duplicate_snapshot {
     normals_.push_back(traits::normal(map, p));
     min_distances_.push_back(traits::min_distance(map, p));
     max_distances_.push_back(traits::max_distance(map, p));
+    if constexpr (detail::map_has_v<Map, detail::map_covariance_member>)
+      covariances_.push_back(traits::covariance(map, p));
     const auto* d = traits::descriptor_data(map, p);
     descriptors_.append(d, descriptor::elements);
   }
@@ -121,6 +126,7 @@ class duplicate_snapshot {
   plain_vector<vec3<double>> positions_;
   plain_vector<vec3<float>> normals_;
   plain_vector<float> min_distances_, max_distances_;
+  plain_vector<point_covariance> covariances_;  ///< empty where the map keeps none
   plain_vector<typename descriptor::element> descriptors_;
   list_of<view> observed_;
   plain_vector<std::size_t> begin_;

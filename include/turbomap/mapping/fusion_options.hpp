@@ -31,6 +31,9 @@ struct fusion_options {
   fusion_mode mode = fusion_mode::snapshot;
   duplicate_options search;
   fusion_commit_options commit;
+  bool covariances =
+      false;  ///< the gate allows for how badly a point is known, where the map keeps that; false: all points
+              ///< are exact [ORB-SLAM3]
 };
 
 /// The counts of one or more commits.

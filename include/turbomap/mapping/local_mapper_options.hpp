@@ -21,6 +21,9 @@ namespace turbomap {
 struct local_mapper_options {
   per_stage<bool> enabled{{true, true, true, true, true, true, true}};  ///< for ablation
   double deadline_ms = 0;  ///< per keyframe; work that is expected to overrun is cut at a safe point. 0: none
+  /// Keep how well points are known in the map, where its traits can write it (map_traits): for tracking, and for
+  /// fusion.covariances. Noise of the pixels as in `adjustment`.
+  bool covariances = false;
   neighbour_search_options neighbours;  ///< fusion and culling choose their keyframes by its `neighbourhood` too
   search_options search;
   creation_options creation;

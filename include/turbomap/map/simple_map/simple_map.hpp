@@ -63,19 +63,21 @@ class simple_map {
   map_point_id add_point(const vec3<double>& position, map_keyframe_id reference = {}) {
     if (reference != map_keyframe_id{}) check(reference);
     const std::size_t size = point_places_.size() + 1;
-    grow(positions_, size), grow(normals_, size), grow(ranges_, size), grow(points_, size);
+    grow(positions_, size), grow(normals_, size), grow(ranges_, size), grow(points_, size), grow(covariances_, size);
     grow(descriptors_, size * elements), grow(counts_, size * levels_);
     observations_.open(size - 1);
     const std::int32_t p = point_places_.take();
     const auto at = static_cast<std::size_t>(p);
     if (at == points_.size()) {
       positions_.push_back({}), normals_.push_back({}), ranges_.push_back({}), points_.push_back({});
+      covariances_.push_back({});
       descriptors_.resize(descriptors_.size() + elements);
       counts_.resize(counts_.size() + levels_);
     }
     positions_[at] = position;
     normals_[at] = {};
     ranges_[at] = {};
+    covariances_[at] = {};
     std::fill_n(descriptors_.begin() + static_cast<std::ptrdiff_t>(at * elements), elements, element{});
     std::fill_n(counts_.begin() + static_cast<std::ptrdiff_t>(at * levels_), levels_, 0u);
     points_[at] = {next_point_++, reference, {}, 1, 1};
@@ -182,6 +184,7 @@ class simple_map {
   plain_vector<vec3<double>> positions_;
   plain_vector<vec3<float>> normals_;
   plain_vector<range> ranges_;
+  plain_vector<point_covariance> covariances_;  ///< of positions
   plain_vector<element> descriptors_;
   plain_vector<std::uint32_t> counts_;  ///< [point][octave]
   plain_vector<point_entry> points_;

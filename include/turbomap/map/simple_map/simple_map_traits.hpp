@@ -60,6 +60,8 @@ struct map_traits<simple_map<Descriptor, Camera>> {
   static float min_distance(const map& m, point p) { return m.ranges_[at(p)].min; }
   static float max_distance(const map& m, point p) { return m.ranges_[at(p)].max; }
   static const element* descriptor_data(const map& m, point p) { return m.descriptors_.data() + at(p) * map::elements; }
+  static const point_covariance& covariance(const map& m, point p) { return m.covariances_[at(p)]; }
+  static void set_covariance(map& m, point p, const point_covariance& c) { m.covariances_[at(p)] = c; }
   static keyframe reference(const map& m, point p) { return m.points_[at(p)].reference; }
   static void set_reference(map& m, point p, keyframe k) { m.points_[at(p)].reference = k; }
   static void set_appearance(map& m, point p, const vec3<float>& normal, float min, float max, const element* d) {
