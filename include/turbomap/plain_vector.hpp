@@ -131,7 +131,15 @@ class plain_vector : public plain_bytes {
   void push_back() = delete;  // nvcc 13 misreads push_back({a, b}) where there is no other overload
   void pop_back() { end_ -= sizeof(T); }
   /// New elements are T().
-  void resize(std::size_t n) { resize(n, T()); }
+  void resize(std::size_t n) {
+    const std::size_t before = size();
+    if (n <= before) {
+      end_ = begin_ + n * sizeof(T);
+    } else {
+      T* const first = reinterpret_cast<T*>(extend(bytes_of(n - before, sizeof(T))));
+      for (std::size_t i = 0; i < n - before; ++i) ::new (static_cast<void*>(first + i)) T();
+    }
+  }
   void resize(std::size_t n, const T& value) {
     const T copy = value;
     const std::size_t before = size();

@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <iterator>
 #include <vector>
 
 #include "../config.hpp"
@@ -19,6 +18,22 @@
 #include "small_cholesky.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+
+/// The union of two ascending lists, without two of its elements.
+inline void unite(span<const std::int32_t> a, span<const std::int32_t> b, std::int32_t without, std::int32_t nor,
+                  plain_vector<std::int32_t>& result) {
+  result.clear();
+  for (std::size_t i = 0, j = 0; i < a.size() || j < b.size();) {
+    const std::int32_t x = j == b.size() || (i < a.size() && a[i] < b[j]) ? a[i] : b[j];
+    if (i < a.size() && a[i] == x) ++i;
+    if (j < b.size() && b[j] == x) ++j;
+    if (x != without && x != nor) result.push_back(x);
+  }
+}
+
+}  // namespace detail
 
 /// \tparam D  rows of a block
 template <int D>
@@ -51,10 +66,7 @@ class block_cholesky {
       begin_.push_back(rows_.size());
       for (const auto i : clique) {
         auto& mine = neighbours[at(i)];
-        merged.clear();
-        std::set_union(mine.begin(), mine.end(), clique.begin(), clique.end(), std::back_inserter(merged));
-        auto* const kept = std::remove_if(merged.begin(), merged.end(), [&](auto j) { return j == i || j == best; });
-        merged.resize(static_cast<std::size_t>(kept - merged.begin()));
+        detail::unite(mine, clique, i, best, merged);
         mine = merged;
       }
       clique.clear();

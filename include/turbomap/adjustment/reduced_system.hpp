@@ -7,7 +7,6 @@
 /// products of the columns (eliminate_landmarks.hpp) of all landmarks that its two frames share, from a fixed list.
 
 #include <cstddef>
-#include <numeric>
 
 #include "../config.hpp"
 #include "../math/pack.hpp"
@@ -122,13 +121,22 @@ struct reduce_blocks {
   }
 };
 
+/// The greatest one.
+inline int common_divisor(int a, int b) {
+  while (b != 0) {
+    const int rest = a % b;
+    a = b, b = rest;
+  }
+  return a;
+}
+
 /// All blocks of the reduced system.
 template <int V, int D, class Derived, class A>
 void launch_reduce_blocks(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s,
                           const reduced_layout& out, const damping& damping) {
   const int count = s.free_frames + s.blocks;
   int step = count / 2 + count / 8;  // any number without a common divisor
-  while (step > 1 && std::gcd(step, count) != 1) --step;
+  while (step > 1 && common_divisor(step, count) != 1) --step;
   for_each_index(derived(policy), count, reduce_blocks<A, V, D>{s, out, damping, count, step > 0 ? step : 1});
 }
 

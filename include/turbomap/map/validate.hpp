@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "../config.hpp"
+#include "../error.hpp"
 #include "../plain_vector.hpp"
 #include "map_traits.hpp"
 #include "observation_counts.hpp"
@@ -62,14 +63,15 @@ struct map_violation {
 };
 
 inline std::string to_string(const map_violation& v) {
-  return std::string(to_string(v.fault)) + ": keyframe " + std::to_string(v.keyframe) + ", keypoint " +
-         std::to_string(v.keypoint) + ", point " + std::to_string(v.point);
+  std::string text = to_string(v.fault);
+  text.append(": keyframe ").append(printed(v.keyframe)).append(", keypoint ").append(printed(v.keypoint));
+  return text.append(", point ").append(printed(v.point));
 }
 
 /// A commit was refused because the part of the map that it concerns contradicts itself; the map is unchanged.
 struct inconsistent_map : std::invalid_argument {
   explicit inconsistent_map(const map_violation& v)
-      : std::invalid_argument("turbomap: map: " + to_string(v)), violation(v) {}
+      : std::invalid_argument(std::string("turbomap: map: ").append(to_string(v))), violation(v) {}
   map_violation violation;
 };
 

@@ -6,7 +6,6 @@
 /// The stage that brings the appearance of map points (descriptor, normal, distance range) up to date with their
 /// observations. The caller knows which points are due: those that moved, and those whose observations changed.
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -97,6 +96,10 @@ class appearance_update {
     std::uint64_t keyframe_id;
     std::size_t keypoint;
     keyframe observer;
+
+    bool before(const view_of_point& v) const {
+      return keyframe_id != v.keyframe_id ? keyframe_id < v.keyframe_id : keypoint < v.keypoint;
+    }
   };
 
   std::size_t update(const scope& s, const appearance_options& options) {
@@ -107,6 +110,17 @@ class appearance_update {
   }
 
   /// Those of the points that have not been seen since the last snapshot().
+  /// In order of insertion into the map, whatever the order of the list: the first of equals wins. Lists are short, and mostly
+  /// in that order, so each view is moved to its place among those before it.
+  void order_views() {
+    for (std::size_t i = 1; i < views_.size(); ++i) {
+      const view_of_point v = views_[i];
+      std::size_t at = i;
+      for (; at > 0 && v.before(views_[at - 1]); --at) views_[at] = views_[at - 1];
+      views_[at] = v;
+    }
+  }
+
   void gather(const Map& map, const handle_table& stored, span<const point> points) {
     observers_.clear();
     points_.clear(), positions_.clear(), observations_.clear(), references_.clear();
@@ -124,10 +138,7 @@ class appearance_update {
         views_.push_back({traits::id(map, k), i, k});
       });
       if (views_.empty()) continue;
-      // The first of equals wins: in order of insertion into the map, whatever the order of the list.
-      std::sort(views_.begin(), views_.end(), [](const view_of_point& a, const view_of_point& b) {
-        return a.keyframe_id != b.keyframe_id ? a.keyframe_id < b.keyframe_id : a.keypoint < b.keypoint;
-      });
+      order_views();
       const keyframe reference = traits::reference(map, p);
       std::size_t reference_place = id_table::none, first = id_table::none;
       for (const view_of_point& v : views_) {

@@ -7,11 +7,8 @@
 /// baseline is long enough to triangulate. All neighbours are searched in one call; the matches stay for the stage that
 /// makes points of them.
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <optional>
-#include <vector>
 
 #include "../config.hpp"
 #include "../map/map_traits.hpp"
@@ -57,23 +54,24 @@ class neighbour_search {
   }
   /// Searches what was copied. Waits for the end. The matches stay until the next search.
   void compute(const scope& s, const search_options& options) {
-    pinned_.reset();
-    pinned_.emplace(s.store.pin(s.ctx, span<const keyframe_handle>(selection_.handles())));
+    pinned_ = {};  // before others are asked for: there may be no room for both
+    pinned_ = s.store.pin(s.ctx, span<const keyframe_handle>(selection_.handles()));
     posed_.clear();
     for (std::size_t k = 0; k < selection_.size(); ++k)
-      posed_.push_back({(*pinned_)[k], selection_.T_cw()[k], span<const std::uint8_t>(masks_[k])});
+      posed_.push_back({pinned_[k], selection_.T_cw()[k],
+                        span<const std::uint8_t>(masks_.data() + begin_[k], begin_[k + 1] - begin_[k])});
     compute_again(s.ctx, options, matches_);
     s.ctx.synchronize();
   }
   /// The same keyframes with other options, into another result: while they are pinned.
   void compute_again(context<Policy>& ctx, const search_options& options, matches_type& result) const {
-    require(pinned_.has_value(), "keyframes of the search", "none", "have been released");
+    require(pinned_.size() > 0, "keyframes of the search", "none", "have been released");
     const auto all = posed();
     search_correspondences(ctx, all[0], all.subspan(1, all.size() - 1), options, result);
   }
 
   /// Gives the keyframes back to the store.
-  void release() { pinned_.reset(); }
+  void release() { pinned_ = {}; }
 
   std::size_t neighbour_count() const { return selection_.size() == 0 ? 0 : selection_.size() - 1; }
   /// Number 0 is the query, 1 + n is neighbour n; pinned from compute() to release().
@@ -95,12 +93,13 @@ class neighbour_search {
       if (suffices(map, T_query, n, options)) selection_.place(map, n, stored);
     }
     numbers_.clear(), point_numbers_.clear(), point_offsets_.clear();
-    masks_.resize(std::max(masks_.size(), selection_.size()));
+    masks_.clear(), begin_.assign(1, 0);
     for (std::size_t k = 0; k < selection_.size(); ++k) {
-      auto& mask = masks_[k];
-      mask.resize(keypoint_count_of(map, selection_[k]));
+      begin_.push_back(begin_[k] + keypoint_count_of(map, selection_[k]));
+      masks_.resize(begin_[k + 1]);
+      std::uint8_t* const mask = masks_.data() + begin_[k];
       if (options.number_points) point_offsets_.push_back(static_cast<std::int32_t>(point_numbers_.size()));
-      for (std::size_t i = 0; i < mask.size(); ++i) {
+      for (std::size_t i = 0; i < begin_[k + 1] - begin_[k]; ++i) {
         const point p = traits::point_at(map, selection_[k], i);
         mask[i] = !(p == point{});
         if (options.number_points)
@@ -124,8 +123,9 @@ class neighbour_search {
 
   neighbourhood<Map> neighbourhood_;
   keyframe_selection<Map> selection_;
-  std::vector<plain_vector<std::uint8_t>> masks_;
-  std::optional<pinned_keyframes<descriptor, camera, memory_of_t<Policy>>> pinned_;
+  plain_vector<std::uint8_t> masks_;  ///< of all keyframes: which keypoints have a point
+  plain_vector<std::size_t> begin_;   ///< of each keyframe in masks_; one more than there are
+  pinned_keyframes<descriptor, camera, memory_of_t<Policy>> pinned_;
   plain_vector<posed_keyframe<descriptor, camera>> posed_;
   matches_type matches_;
   point_numbering<Map> numbers_;

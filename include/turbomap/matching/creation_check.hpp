@@ -25,7 +25,7 @@ inline void check_creation_options(const creation_options& options, float search
           "must be a cosine");
   check_not_negative("options.max_distance", options.max_distance);
   if (options.scales.scale_factor != searched) {  // octaves would be compared by two rules
-    const std::string rule = "must be that of the search, " + printed(searched);
+    const std::string rule = std::string("must be that of the search, ").append(printed(searched));
     reject("options.scales.scale_factor", options.scales.scale_factor, rule.c_str());
   }
   require(options.refinement_steps >= 0, "options.refinement_steps", options.refinement_steps, "must not be negative");

@@ -189,7 +189,7 @@ class keyframe_store {
     const std::lock_guard<std::mutex> lock(mutex_);
     poll();
     for (std::size_t i = 0; i < handles.size(); ++i)
-      if (!alive(handles[i])) require_alive(handles[i], ("handles[" + std::to_string(i) + "]").c_str());
+      if (!alive(handles[i])) require_alive(handles[i], std::string("handles[").append(printed(i)).append("]").c_str());
     record_type* const record = pins_.idle(handles.size());
     for (std::size_t i = 0; i < handles.size(); ++i) record->slots[i] = handles[i].slot;
     waiting_for_room([&] { blocks_.pin(record->slots); });
@@ -213,9 +213,10 @@ class keyframe_store {
   /// Throws stale_handle naming the argument, slot and generation.
   void require_alive(keyframe_handle handle, const char* argument) const {
     if (alive(handle)) return;
-    throw stale_handle(std::string("turbomap: ") + argument + " = {slot " + std::to_string(handle.slot) +
-                       ", generation " + std::to_string(handle.generation) +
-                       "}: no such keyframe: it was erased, or is of another store");
+    std::string text = "turbomap: ";
+    text.append(argument).append(" = {slot ").append(printed(handle.slot)).append(", generation ");
+    text.append(printed(handle.generation)).append("}: no such keyframe: it was erased, or is of another store");
+    throw stale_handle(text);
   }
 
   /// Calls `attempt`; while that finds no room, waits for the oldest work that still holds keyframes, and tries again.

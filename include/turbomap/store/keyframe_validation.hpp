@@ -41,7 +41,7 @@ inline void validate(const keyframe_store_options& options) {
 namespace detail {
 template <class Value>
 void require_keypoint(bool holds, int index, const char* field, const Value& value, const char* rule) {
-  if (!holds) reject("keypoints[" + std::to_string(index) + "]." + field, value, rule);
+  if (!holds) reject(std::string("keypoints[").append(printed(index)).append("].").append(field), value, rule);
 }
 
 /// All of it in one branch: this runs over every keypoint.
@@ -85,7 +85,8 @@ bool has_cameras(const keyframe_view<Descriptor, Camera>& view) {
 template <class Descriptor, class Camera>
 void require_cameras(const keyframe_view<Descriptor, Camera>& view, const char* argument) {
   if (!has_cameras(view))
-    reject(std::string(argument) + ".camera", int{detail::most_camera(view)}, "must be below the number of cameras");
+    reject(std::string(argument).append(".camera"), int{detail::most_camera(view)},
+           "must be below the number of cameras");
 }
 
 /// Throws std::invalid_argument naming argument, index and value when the keyframe cannot be stored: missing arrays, no

@@ -40,6 +40,8 @@ const Policy& policy_in(const Policy& policy) {
 template <class Descriptor, class Camera, class Memory>
 class pinned_keyframes {
  public:
+  /// None.
+  pinned_keyframes() = default;
   pinned_keyframes(pinned_keyframes&& other) noexcept
       : store_(std::exchange(other.store_, nullptr)), record_(other.record_), order_(other.order_) {}
   pinned_keyframes& operator=(pinned_keyframes&& other) noexcept {
@@ -78,9 +80,9 @@ class pinned_keyframes {
     if (store_ != nullptr) std::exchange(store_, nullptr)->release(record_, order_);
   }
 
-  store_type* store_;
-  record_type* record_;
-  work_order<Memory> order_;
+  store_type* store_ = nullptr;
+  record_type* record_ = nullptr;
+  work_order<Memory> order_{};
 };
 
 TURBOMAP_END_NAMESPACE
