@@ -37,6 +37,18 @@ bool as_kannala_brandt(const any_camera<Cameras...>& c, kannala_brandt<double>& 
   return is;
 }
 
+/// Models whose type says which formulas apply: the others are not compiled for them.
+template <class Camera>
+inline constexpr bool is_pinhole_v = false;
+template <class T>
+inline constexpr bool is_pinhole_v<pinhole<T>> = true;
+template <class Camera>
+inline constexpr bool may_be_kannala_brandt_v = false;
+template <class T>
+inline constexpr bool may_be_kannala_brandt_v<kannala_brandt<T>> = true;
+template <class... Cameras>
+inline constexpr bool may_be_kannala_brandt_v<any_camera<Cameras...>> = (may_be_kannala_brandt_v<Cameras> || ...);
+
 /// A camera of the rig, prepared.
 template <class Camera>
 struct adjustment_camera {

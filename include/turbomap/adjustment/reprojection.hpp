@@ -45,10 +45,16 @@ struct lane_reprojection {
                            const vec3<pack<G, N>>& measured) {
     const vec3<pack<G, N>> p = c.is_body ? body : transform(c.T_camera_body, body);
     pack<G, N> z = p.z;
-    if (c.straight)
+    if constexpr (is_pinhole_v<Camera>) {
       straight<Derivative>(c, p, measured, z);
-    else if (!c.round || N == 1 || !round<Derivative>(c.fisheye, p, measured))
-      curved<Derivative>(c, p, measured, z);
+    } else if (c.straight) {
+      straight<Derivative>(c, p, measured, z);
+    } else {
+      bool done = false;
+      if constexpr (N > 1 && may_be_kannala_brandt_v<Camera>)
+        done = c.round && round<Derivative>(c.fisheye, p, measured);
+      if (!done) curved<Derivative>(c, p, measured, z);
+    }
     if constexpr (Stereo) {  // u_right = u - bf / z
       const pack<G, N> iz = pack<G, N>(G(1)) / z, disparity = pack<G, N>(static_cast<G>(c.bf)) * iz;
       e[2] = e[0] + measured.x - disparity - measured.z;
