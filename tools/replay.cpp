@@ -117,7 +117,7 @@ int main(int argc, char** argv) try {
                  "where keypoints get points of the map from: the recorded associations, or those and the local map, "
                  "projected into the keyframe")
       ->check(CLI::IsMember({"recorded", "projected"}));
-  std::string points = "exact", fused = "exact";
+  std::string points = "uncertain", fused = "uncertain";
   app.add_option("--points", points,
                  "how well tracking knows the points of the map: exactly, or as their covariances say")
       ->check(CLI::IsMember({"exact", "uncertain"}));
@@ -127,7 +127,8 @@ int main(int argc, char** argv) try {
   app.add_option("--precision", a.numbers, "what adjustments compute in")
       ->check(CLI::IsMember({"float64", "mixed", "float32"}));
   app.add_option("--stereo-correlation", a.stereo_correlation,
-                 "of the errors of u and u_right, in adjustments; not given: as a simulated recording says, else 0.9835, as measured")
+                 "of the errors of u and u_right, in adjustments; not given: as a simulated recording says, else "
+                 "0.9835, as measured")
       ->check(CLI::Range(0.0, 0.9999));
   app.add_option("--merges", a.merges, "what fusion does with points that a camera sees at two keypoints")
       ->check(CLI::IsMember({"refuse", "apart", "drop"}));
