@@ -58,7 +58,9 @@ Eigen::Matrix3d oracle_point_covariance(const std::vector<uncertainty_view<Camer
   for (const auto& v : views) {
     distance = std::max(distance, (v.T_cw * X).norm());
     if (v(X).size() == 0) continue;
-    const Eigen::MatrixXd J = v.derivative(X), N = v.noise();
+    Eigen::Matrix3d J = Eigen::Matrix3d::Zero(), N = Eigen::Matrix3d::Identity();  // of fixed size: also under nvcc
+    J.topRows(v.size()) = v.derivative(X);
+    N.topLeftCorner(v.size(), v.size()) = v.noise();
     information += J.transpose() * N.inverse() * J;
   }
   return (information + Eigen::Matrix3d::Identity() / (distance * distance)).inverse();
