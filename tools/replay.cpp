@@ -117,7 +117,7 @@ int main(int argc, char** argv) try {
                  "where keypoints get points of the map from: the recorded associations, or those and the local map, "
                  "projected into the keyframe")
       ->check(CLI::IsMember({"recorded", "projected"}));
-  std::string points = "uncertain", fused = "uncertain";
+  std::string points = "exact", fused = "exact";
   app.add_option("--points", points,
                  "how well tracking knows the points of the map: exactly, or as their covariances say")
       ->check(CLI::IsMember({"exact", "uncertain"}));

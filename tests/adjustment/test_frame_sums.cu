@@ -59,9 +59,11 @@ struct parts {
     turbomap::resident_copy<std::int32_t, memory> lists[4];
     turbomap::resident_copy<double, memory> values[2];
     turbomap::schur_view<float> s;
-    lists[0].send(policy, frame_partial), lists[1].send(policy, partial_list);
-    lists[2].send(policy, frame_factor), lists[3].send(policy, frame_factor_list);
-    values[0].send(policy, chunk), values[1].send(policy, factor);
+    lists[0].send(policy, frame_partial.data(), frame_partial.size()),
+        lists[1].send(policy, partial_list.data(), partial_list.size());
+    lists[2].send(policy, frame_factor.data(), frame_factor.size()),
+        lists[3].send(policy, frame_factor_list.data(), frame_factor_list.size());
+    values[0].send(policy, chunk.data(), chunk.size()), values[1].send(policy, factor.data(), factor.size());
     s.frame_partial = lists[0].data(), s.partial_list = lists[1].data();
     s.frame_factor = lists[2].data(), s.frame_factor_list = lists[3].data();
     s.sums.chunk_partial = const_cast<double*>(values[0].data());

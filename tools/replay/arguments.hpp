@@ -42,8 +42,8 @@ struct arguments {
   std::string numbers = "mixed";                   ///< of adjustments: float64, mixed or float32
   double stereo_correlation = -1;                  ///< of the errors of u and u_right; negative: correlation() knows
   bool projected = false;                          ///< the local map is looked for in each keyframe, besides
-  bool uncertain_tracking = true;                  ///< tracking's poses and gate know how well points are known
-  bool uncertain_fusion = true;                    ///< fusion's gate does
+  bool uncertain_tracking = false;                 ///< tracking's poses and gate know how well points are known
+  bool uncertain_fusion = false;                   ///< fusion's gate does
   bool queue = false;                              ///< in recorded time: stages are skipped while keyframes wait
   double deadline_ms = 0;                          ///< per keyframe; 0: none
   std::filesystem::path json, trajectory, report;  ///< outputs; empty: none
