@@ -180,7 +180,7 @@ TEST_CASE("the covariance is that of drawn noise") {
   const auto draw = [&](double sigma) {
     return Eigen::Vector3d(sigma * n(random), sigma * n(random), sigma * n(random));
   };
-  const int draws = 20000;
+  const int draws = 4000;
   Eigen::Matrix<double, 9, 9> sum;
   sum.setZero();
   for (int k = 0; k < draws; ++k) {
@@ -192,7 +192,7 @@ TEST_CASE("the covariance is that of drawn noise") {
     e << oracle_log(to_eigen(p.dR).transpose() * o.R), o.V - to_eigen(p.dV), o.P - to_eigen(p.dP);
     sum += e * e.transpose();
   }
-  CHECK(covariance_difference(covariance_of(p).topLeftCorner(9, 9), sum / draws) < 0.04);
+  CHECK(covariance_difference(covariance_of(p).topLeftCorner(9, 9), sum / draws) < 0.09);
 }
 
 TEST_CASE("closed forms: at rest, a turn, measurements linear in time") {
