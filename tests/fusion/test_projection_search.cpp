@@ -57,15 +57,15 @@ TEST_CASE_TEMPLATE("gate, ratio, octaves, without ranges", Policy, TURBOMAP_TEST
 
 TEST_CASE_TEMPLATE("points that are not exact", Policy, TURBOMAP_TEST_TWO_POLICIES) {
   duplicate_recipe recipe = crowded(200);
-  recipe.uncertain = 0.7;
+  recipe.points = 600, recipe.uncertain = 0.7;
   projection_options options;
-  check_duplicate_tally(check_projection_scenes(Policy{}, std::vector{pinhole_rig(50)}, recipe, options), 2, 0.01);
+  check_duplicate_tally(check_projection_scenes(Policy{}, std::vector{pinhole_rig(50)}, recipe, options), 5, 0.01);
   options.stereo_correlation = 0.9, options.max_radius = 12, options.gate = projection_gate::all;
-  check_duplicate_tally(check_projection_scenes(Policy{}, std::vector{pinhole_rig(50)}, recipe, options), 2, 0.01);
+  check_duplicate_tally(check_projection_scenes(Policy{}, std::vector{pinhole_rig(50)}, recipe, options), 5, 0.01);
   options.gate = projection_gate::none, options.window_sigmas = 1.5;
-  check_duplicate_tally(check_projection_scenes(Policy{}, fisheye_rigs(), recipe, options), 2, 0.01);
+  check_duplicate_tally(check_projection_scenes(Policy{}, fisheye_rigs(), recipe, options), 5, 0.01);
   recipe.not_finite = 0.5, options = {};
-  check_duplicate_tally(check_projection_scenes(Policy{}, std::vector{mixed_rig()}, recipe, options), 2, 0.01);
+  check_duplicate_tally(check_projection_scenes(Policy{}, std::vector{mixed_rig()}, recipe, options), 5, 0.01);
 }
 
 TEST_CASE("points on the threshold, numbers that are not finite, any grid") {
