@@ -32,6 +32,13 @@ constexpr turbomap::tie_rule every_tie_rule[] = {turbomap::tie_rule::lowest_inde
 constexpr motion every_motion[] = {motion::sideways,       motion::forward,   motion::backward, motion::along_axis,
                                    motion::turn_at_origin, motion::identical, motion::anything};
 
+/// Matches of all sorts, good and absurd: wide gates in the search.
+inline turbomap::search_options wide_gates() {
+  turbomap::search_options o;
+  o.max_distance = 256, o.line_chi2 = 60, o.epipole_radius = 2, o.reprojection_chi2 = 30, o.max_parallax_cosine = 1;
+  return o;
+}
+
 template <class Distance>
 bool same(const turbomap::correspondence<Distance>& a, const turbomap::correspondence<Distance>& b) {
   return a.neighbour == b.neighbour && a.query == b.query && a.candidate == b.candidate &&

@@ -19,13 +19,6 @@ using turbomap::creation_options;
 using turbomap::creation_outcome;
 using turbomap::search_options;
 
-/// Matches of all sorts, good and absurd: wide gates in the search.
-search_options wide_gates() {
-  search_options o;
-  o.max_distance = 256, o.line_chi2 = 60, o.epipole_radius = 2, o.reprojection_chi2 = 30, o.max_parallax_cosine = 1;
-  return o;
-}
-
 template <class Policy, class Camera>
 std::vector<long> check_rig(const test_rig<Camera>& rig, unsigned seed, const creation_options& options, long least) {
   tally t;

@@ -19,12 +19,6 @@ using turbomap::creation_options;
 using turbomap::creation_outcome;
 using turbomap::search_options;
 
-/// Matches of all sorts, good and absurd.
-search_options wide_gates() {
-  search_options o;
-  o.max_distance = 256, o.line_chi2 = 60, o.epipole_radius = 2, o.reprojection_chi2 = 30, o.max_parallax_cosine = 1;
-  return o;
-}
 scene_recipe many_views(unsigned seed, motion how) {
   scene_recipe recipe;
   recipe.seed = seed, recipe.how = how, recipe.mapped = 0.1, recipe.neighbours = 6;
