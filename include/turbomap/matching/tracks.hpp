@@ -72,15 +72,20 @@ class match_tracks {
     cameras_.resize_discard(count);
     launch_look_up_cameras(ctx.policy(), search, cameras_.data());
     const match_cameras* all = ctx.on_host(cameras_.data(), count, host_cameras_);
-    const std::int32_t* match = ctx.on_host(search.match, count, host_match_);
     ctx.synchronize();
-    for (std::size_t i = 0; i < count; ++i)
-      if (match[i] != no_match) match_cameras_.push_back(all[i]);
+    // The plan is in the order of the results, so each match is found from the one before.
+    const auto& queries = matches.queries();
+    std::size_t slot = 0;
+    std::int32_t neighbour = -1;
+    for (const auto& m : plan_) {
+      if (m.neighbour != neighbour) neighbour = m.neighbour, slot = 0;
+      while (queries[slot] != m.query) ++slot;
+      match_cameras_.push_back(all[static_cast<std::size_t>(neighbour * search.slot_count) + slot]);
+    }
   }
 
   array<match_cameras, memory_of_t<Policy>> cameras_;  ///< [neighbour][slot]; written where there is a match
   plain_vector<match_cameras> host_cameras_, match_cameras_;
-  plain_vector<std::int32_t> host_match_;
   typename matches_type::plan_type plan_;
   int searched_ = 0;
   track_joiner join_;
