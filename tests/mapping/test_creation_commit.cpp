@@ -223,6 +223,11 @@ TEST_CASE("bad views are refused with the map as it was") {
   CHECK_THROWS_AS(plan.commit(c), std::invalid_argument);
   plan.offsets.push_back(2);
   CHECK_THROWS_AS(plan.commit(c), std::invalid_argument);
+  views_of_points<flat_map> falling;
+  falling.add({{0, 0}, {1, 0}});
+  falling.add({{0, 1}, {1, 1}});
+  falling.offsets = {0, 3, 2};
+  CHECK_THROWS_AS(falling.commit(c), std::invalid_argument);
   CHECK(everything(c.map) == before);
   CHECK(c.created.empty());
 }

@@ -54,8 +54,12 @@ void commit_points(Map& map, const new_points_view& points,
           "must be that of the points, plus 1");
   require(appearances.empty() || appearances.size() == count, "appearances.size()", appearances.size(),
           "must be that of the points, or 0");
-  for (const std::int32_t at : points.offsets)
-    require(at >= 0 && static_cast<std::size_t>(at) <= points.observations.size(), "offsets[]", at, "is not one");
+  std::int32_t before = 0;
+  for (const std::int32_t at : points.offsets) {
+    require(at >= before && static_cast<std::size_t>(at) <= points.observations.size(), "offsets[]", at,
+            "must not fall, and be at most the number of observations");
+    before = at;
+  }
   for (const point_observation& o : points.observations) {
     require(o.keyframe >= 0 && static_cast<std::size_t>(o.keyframe) < keyframes.size(), "observations[].keyframe",
             o.keyframe, "is not the number of a keyframe");
