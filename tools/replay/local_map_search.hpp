@@ -57,7 +57,7 @@ class local_map_search {
                                              const turbomap::handle_table& stored, const local_map_options& options) {
     added_.clear();
     const auto& keyframes = neighbourhood_.targets(map, k, options.choice);
-    points_.clear();
+    points_.clear(options.covariances);
     for (std::size_t n = 0; n < std::min(keyframes.size(), options.most_keyframes); ++n)
       points_.add_points_of(map, keyframes[n]);
     selection_.clear();
@@ -71,7 +71,7 @@ class local_map_search {
     points_.mark_observed({pinned[0].camera_count});
     const turbomap::projection_target<descriptor, camera> target{pinned[0], traits::pose(map, k), points_.skip(0),
                                                                  taken_};
-    turbomap::search_by_projection(ctx_, points_.points_view(options.covariances),
+    turbomap::search_by_projection(ctx_, points_.points_view(),
                                    turbomap::span<const turbomap::projection_target<descriptor, camera>>(&target, 1),
                                    options.projection, found_);
     found_.plan(ctx_, plan_);

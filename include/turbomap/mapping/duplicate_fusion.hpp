@@ -60,10 +60,10 @@ class duplicate_fusion {
     if (options.mode == fusion_mode::serial_exact) return serial_pass(s, sources, targets, options);
     {
       const auto guard = s.guard();
-      snapshot_points(s, sources);
+      snapshot_points(s, sources, options);
       snapshot_targets(s, targets);
     }
-    compute(s, all_cameras, options);
+    compute(s, all_cameras, options.search);
     return commit(s, options.commit);
   }
 
@@ -72,7 +72,7 @@ class duplicate_fusion {
                              const fusion_options& options) {
     {
       const auto guard = s.guard();
-      snapshot_points(s, sources);
+      snapshot_points(s, sources, options);
     }
     const list_of<point> points = snapshot_.points();
     fusion_summary summary;
@@ -82,11 +82,11 @@ class duplicate_fusion {
         const std::size_t survivors = commit_.survivors().size();
         {
           const auto guard = s.guard();
-          snapshot_.clear();
+          snapshot_.clear(options.covariances);
           for (const point p : points) snapshot_.add_point(s.map, p);
           snapshot_targets(s, span<const keyframe>(&target, 1));
         }
-        compute(s, c, options);
+        compute(s, c, options.search);
         summary += commit(s, options.commit);
         cameras = targets_.size() == 0 ? 1 : cameras_[0];
         appearance_options update;
@@ -100,8 +100,8 @@ class duplicate_fusion {
   }
 
   /// The live points of live keyframes. The caller holds the guard.
-  void snapshot_points(const scope& s, span<const keyframe> sources) {
-    snapshot_.clear();
+  void snapshot_points(const scope& s, span<const keyframe> sources, const fusion_options& options) {
+    snapshot_.clear(options.covariances);
     for (const keyframe k : sources)
       if (traits::alive(s.map, k)) snapshot_.add_points_of(s.map, k);
   }
@@ -114,7 +114,7 @@ class duplicate_fusion {
   }
 
   /// Searches the points in the targets. \param only_camera  of every target, or all_cameras
-  void compute(const scope& s, int only_camera, const fusion_options& options) {
+  void compute(const scope& s, int only_camera, const duplicate_options& options) {
     const auto pinned = s.store.pin(s.ctx, span<const keyframe_handle>(targets_.handles()));
     cameras_.clear();
     for (std::size_t t = 0; t < targets_.size(); ++t) cameras_.push_back(pinned[t].camera_count);
@@ -124,8 +124,8 @@ class duplicate_fusion {
     call_.clear();
     for (std::size_t t = 0; t < targets_.size(); ++t)
       call_.push_back({pinned[t], targets_.T_cw()[t], snapshot_.skip(t)});
-    find_duplicates(s.ctx, snapshot_.points_view(options.covariances),
-                    span<const duplicate_target<descriptor, camera>>(call_), options.search, duplicates_);
+    find_duplicates(s.ctx, snapshot_.points_view(), span<const duplicate_target<descriptor, camera>>(call_), options,
+                    duplicates_);
     duplicates_.plan(s.ctx, plan_);
   }
 

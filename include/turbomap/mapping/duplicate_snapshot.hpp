@@ -29,7 +29,9 @@ class duplicate_snapshot {
   using point = typename traits::point;
   using descriptor = typename traits::descriptor;
 
-  void clear() {
+  /// \param covariances  points come with their covariances, where the map keeps them; false: points are exact
+  void clear(bool covariances = false) {
+    keeps_covariances_ = covariances;
     seen_.clear();
     points_.clear();
     positions_.clear(), normals_.clear(), min_distances_.clear(), max_distances_.clear(), descriptors_.clear();
@@ -81,15 +83,14 @@ class duplicate_snapshot {
             points_.size(), std::uint8_t{1});
   }
 
-  /// \param covariances  false: points are exact
-  map_point_view<descriptor> points_view(bool covariances = false) const {
+  map_point_view<descriptor> points_view() const {
     return {static_cast<int>(points_.size()),
             positions_.data(),
             normals_.data(),
             min_distances_.data(),
             max_distances_.data(),
             descriptors_.data(),
-            covariances && covariances_.size() == points_.size() ? covariances_.data() : nullptr};
+            covariances_.empty() ? nullptr : covariances_.data()};
   }
   const list_of<point>& points() const { return points_; }
   /// What find_duplicates() takes: [camera][point].
@@ -116,7 +117,7 @@ class duplicate_snapshot {
     min_distances_.push_back(traits::min_distance(map, p));
     max_distances_.push_back(traits::max_distance(map, p));
     if constexpr (detail::map_has_v<Map, detail::map_covariance_member>)
-      covariances_.push_back(traits::covariance(map, p));
+      if (keeps_covariances_) covariances_.push_back(traits::covariance(map, p));
     const auto* d = traits::descriptor_data(map, p);
     descriptors_.append(d, descriptor::elements);
   }
@@ -126,11 +127,12 @@ class duplicate_snapshot {
   plain_vector<vec3<double>> positions_;
   plain_vector<vec3<float>> normals_;
   plain_vector<float> min_distances_, max_distances_;
-  plain_vector<point_covariance> covariances_;  ///< empty where the map keeps none
+  plain_vector<point_covariance> covariances_;  ///< empty: points are exact
   plain_vector<typename descriptor::element> descriptors_;
   list_of<view> observed_;
   plain_vector<std::size_t> begin_;
   plain_vector<std::uint8_t> skip_;
+  bool keeps_covariances_ = false;
 };
 
 TURBOMAP_END_NAMESPACE
