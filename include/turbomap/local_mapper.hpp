@@ -29,6 +29,7 @@
 #include "mapping/stage.hpp"
 #include "mapping/time_budget.hpp"
 #include "plain_vector.hpp"
+#include "store/argument_checks.hpp"
 
 namespace turbomap {
 
@@ -84,10 +85,10 @@ class local_mapper {
   /// Takes the immutable part of a keyframe into the store: from keyframe_data, or from the user's own type through
   /// keyframe_traits. Takes the guard of the map for a moment, to read the id: do not hold it.
   /// Throws what keyframe_store::insert throws, and std::invalid_argument when the keyframe is none (keyframe{}), is not in
-  /// the map, or is in the store already.
+  /// the map, is in the store already, has a pose that is not one (is_pose), or another number of keypoints than the data.
   template <class Data>
   void insert(keyframe k, const Data& data) {
-    const std::uint64_t id = id_of(k);
+    const std::uint64_t id = checked_id(k, count_in(data));
     require(!stored_.contains(id), "keyframe id", id, "is in the store already");
     const keyframe_handle handle = store_.insert(data);
     try {
@@ -105,20 +106,24 @@ class local_mapper {
   /// Puts points that tracking made on probation.
   void watch(span<const point> points) { probation_.watch(points, iteration_); }
 
-  /// One iteration on a keyframe that is inserted, in the map, and holds its associations. An exception ends the iteration
-  /// between two commits: the map is sound, the stages before are done.
+  /// One iteration on a keyframe that is inserted, in the map, and holds its associations. Keyframes, points and observations
+  /// that cannot be used (map_fault) are passed over, and listed in report().refused; options.strict makes them an exception.
+  /// An exception ends the iteration between two commits: the map is sound, the stages before are done, nothing is pinned.
   /// \throws std::invalid_argument  the keyframe is not in the map or not inserted: nothing is done
   const mapping_report& process(keyframe current) {
     report_ = {};
-    stopped_ = false;
+    stopped_ = has_pose_ = false;
     budget_.start(options_.deadline_ms);
     require(!(current == keyframe{}), "keyframe", "none", "is not a keyframe of the map");
     {
       const auto guard = scope_of(mapping_stage::process).guard();
       require(traits::alive(map_, current), "keyframe", "dead", "is not in the map, or no longer");
-      stored_.at(traits::id(map_, current));  // throws when it is not there
+      const std::uint64_t id = traits::id(map_, current);
+      stored_.at(id);  // throws when it is not there
+      has_pose_ = is_pose(pose_of(map_, current));
+      if (!has_pose_) faults()({map_fault::bad_pose, id, 0, 0});
     }
-    const in_progress processing(processing_);
+    const in_progress processing(*this);
     stage(mapping_stage::process, current, &local_mapper::update_associated);
     stage(mapping_stage::point_culling, current, &local_mapper::cull_points);
     stage(mapping_stage::search, current, &local_mapper::search);
@@ -156,15 +161,18 @@ class local_mapper {
  private:
   enum piece : std::size_t { search_a_neighbour, create_all, fuse_a_target, fuse_back, cull_a_keyframe, pieces };
 
-  /// True while process() runs, also where it ends with an exception.
+  /// While process() runs. At its end, also with an exception, no keyframe stays pinned.
   struct in_progress {
-    explicit in_progress(bool& flag) : flag_(flag) { flag_ = true; }
+    explicit in_progress(local_mapper& mapper) : mapper_(mapper) { mapper.processing_ = true; }
     in_progress(const in_progress&) = delete;
     in_progress& operator=(const in_progress&) = delete;
-    ~in_progress() { flag_ = false; }
+    ~in_progress() {
+      mapper_.processing_ = false;
+      mapper_.search_.release();
+    }
 
    private:
-    bool& flag_;
+    local_mapper& mapper_;
   };
 
   using stage_function = void (local_mapper::*)(keyframe, const scope&);
@@ -173,14 +181,27 @@ class local_mapper {
     explicit absent_adjustment(context<Policy>&) {}
   };
 
-  /// \throws std::invalid_argument  the keyframe is none, or not in the map
-  std::uint64_t id_of(keyframe k) {
+  /// \throws std::invalid_argument  the keyframe is none, not in the map, or cannot be used there
+  std::uint64_t checked_id(keyframe k, std::size_t keypoints) {
     require(!(k == keyframe{}), "keyframe", "none", "is not a keyframe of the map");
     [[maybe_unused]] const auto guard = map_guard(map_);
     require(traits::alive(map_, k), "keyframe", "dead", "is not in the map, or no longer");
+    check_pose("keyframe", pose_of(map_, k));
+    require(keypoints == keypoint_count_of(map_, k), "keypoint_count", keypoints,
+            "is not that of the keyframe in the map");
     return traits::id(map_, k);
   }
-  scope scope_of(mapping_stage s) { return {ctx_, map_, store_, stored_, report_.held[s]}; }
+  static std::size_t count_in(const keyframe_data<descriptor, camera>& data) {
+    return data.keypoint_count < 0 ? 0 : static_cast<std::size_t>(data.keypoint_count);
+  }
+  template <class Data>
+  static std::size_t count_in(const Data& data) {
+    return keyframe_traits<Data>::keypoint_count(data);
+  }
+  fault_sink faults() { return options_.strict ? fault_sink() : fault_sink(report_.refused); }
+  scope scope_of(mapping_stage s) { return {ctx_, map_, store_, stored_, report_.held[s], faults()}; }
+  /// Whether a stage reads the pose of the keyframe that is processed.
+  static bool needs_pose(mapping_stage s) { return s >= mapping_stage::search && s <= mapping_stage::adjustment; }
 
   void stage(mapping_stage s, keyframe current, stage_function run) {
     stage_outcome& outcome = report_.outcome[s];
@@ -189,6 +210,10 @@ class local_mapper {
     stopped_ = stopped_ || (hooks_.stop && hooks_.stop());
     if (waits || stopped_) {
       outcome = stage_outcome::skipped;
+      return;
+    }
+    if (!has_pose_ && needs_pose(s)) {
+      outcome = stage_outcome::refused;
       return;
     }
     const double begin = budget_.elapsed_ms();
@@ -261,7 +286,7 @@ class local_mapper {
 
   void create(keyframe, const scope& s) {
     const stage_outcome searched = report_.outcome[mapping_stage::search];
-    if (searched == stage_outcome::off || searched == stage_outcome::skipped) return;
+    if (searched != stage_outcome::done && searched != stage_outcome::cut) return;
     if (!budget_.fits(create_all)) return cut(create_all);
     timed(create_all, 1, [&] {
       const auto& created = creation_(s, search_, options_.creation, appearance());
@@ -279,8 +304,8 @@ class local_mapper {
     list_of<keyframe>& targets = keyframes_;
     {
       const auto guard = s.guard();
-      const auto in_store = [this](keyframe k) { return stored_.contains(traits::id(map_, k)); };
-      targets = neighbourhood_.targets(map_, current, options_.neighbours.neighbourhood, in_store);
+      targets = neighbourhood_.targets(map_, current, options_.neighbours.neighbourhood,
+                                       [&](keyframe k) { return s.can_use(k); });
     }
     const std::size_t fitting = budget_.fitting(fuse_a_target, targets.size());
     if (fitting < targets.size()) cut(fuse_a_target);
@@ -357,6 +382,7 @@ class local_mapper {
   mapping_report report_;
   bool cut_ = false;
   bool stopped_ = false;
+  bool has_pose_ = false;  ///< the keyframe that is processed
   list_of<keyframe> keyframes_;
   list_of<point> points_;
   bool processing_ = false;

@@ -20,6 +20,23 @@
 #include "scenes/map_scene.hpp"
 #include "scenes/pointer_map.hpp"
 
+namespace turbomap_test {
+
+/// A flat_map whose traits say that the keyframe before the first is another.
+struct circular_map : flat_map {
+  turbomap::map_keyframe_id before_first;
+};
+
+}  // namespace turbomap_test
+
+template <>
+struct turbomap::map_traits<turbomap_test::circular_map> : turbomap::map_traits<turbomap_test::flat_map> {
+  static keyframe previous(const turbomap_test::circular_map& m, keyframe k) {
+    const auto before = turbomap::map_traits<turbomap_test::flat_map>::previous(m, k);
+    return before == keyframe{} ? m.before_first : before;
+  }
+};
+
 namespace {
 
 using namespace turbomap_test;
@@ -163,6 +180,21 @@ TEST_CASE("a keyframe that shares nothing has its predecessors only") {
   CHECK(around.neighbours(w.map, w.k[0], o).empty());
 }
 
+TEST_CASE("predecessors that run in a circle end") {
+  for (std::size_t size = 1; size <= 7; ++size)
+    for (std::size_t into = 0; into < size; ++into)
+      for (std::size_t query = 0; query < size; ++query) {
+        world<circular_map> w(size, 1, 1);
+        w.map.before_first = w.k[into];
+        turbomap::neighbourhood<circular_map> around;
+        turbomap::neighbourhood_options o;
+        o.temporal_neighbours = o.temporal_targets = 100;
+        const std::size_t expected = std::max(query, into);  // all up to there, but for the query
+        CHECK(around.neighbours(w.map, w.k[query], o).size() == expected);
+        CHECK(around.targets(w.map, w.k[query], o).size() == expected);
+      }
+}
+
 TEST_CASE_TEMPLATE("random maps", Map, flat_map, pointer_map) {
   constexpr bool has_time = turbomap::detail::map_has_v<Map, turbomap::detail::map_temporal_member>;
   for (std::uint32_t seed = 1; seed <= 12; ++seed) {
@@ -185,8 +217,8 @@ TEST_CASE_TEMPLATE("random maps", Map, flat_map, pointer_map) {
       ids targets;
       for (const oracle_id n : near) targets.push_back(n);
       for (const oracle_id n : near)
-        for (const oracle_id m : covisible_by_definition(w.oracle, n, o.min_shared_points,
-                                                         static_cast<std::size_t>(o.second_neighbours)))
+        for (const oracle_id m :
+             covisible_by_definition(w.oracle, n, o.min_shared_points, static_cast<std::size_t>(o.second_neighbours)))
           if (m != query && !contains(targets, m)) targets.push_back(m);
       if (has_time) {
         add_predecessors(w.oracle, query, o.temporal_neighbours, near);

@@ -13,6 +13,7 @@
 #include <turbomap/mapping/point_culling.hpp>
 
 #include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -168,6 +169,30 @@ TEST_CASE("a sound map has no fault") {
   CHECK(turbomap::validate(flat_map()).empty());
   for (const auto p : w.p) CHECK_NOTHROW(turbomap::require_consistent(w.map, p));
   for (const auto k : w.k) CHECK_NOTHROW(turbomap::require_consistent_keyframe(w.map, k));
+}
+
+TEST_CASE("poses and positions that cannot be used are told") {
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  using traits = turbomap::map_traits<flat_map>;
+  small_world w;
+  auto T = w.map.T_cw(w.k[1]);
+  T.qw = 1.0006;
+  traits::set_pose(w.map, w.k[1], T);
+  traits::set_position(w.map, w.p[2], {0, nan, 0});
+  CHECK(w.faults() == std::vector<map_fault>{map_fault::bad_pose, map_fault::position_not_finite});
+  const auto all = turbomap::validate(w.map);
+  CHECK(all[0].keyframe == traits::id(w.map, w.k[1]));
+  CHECK(all[1].point == traits::id(w.map, w.p[2]));
+}
+
+TEST_CASE("a sink with a list notes each fault once") {
+  turbomap::plain_vector<turbomap::map_violation> noted;
+  const turbomap::fault_sink sink(noted);
+  for (int n = 0; n < 2; ++n)
+    for (const map_fault f : {map_fault::bad_pose, map_fault::position_not_finite})
+      for (const std::uint64_t id : {1U, 2U}) sink({f, id, 0, 0}), sink({f, 0, id, 0}), sink({f, 0, 0, id});
+  CHECK(noted.size() == 12);
+  CHECK_THROWS_AS(turbomap::fault_sink()({map_fault::bad_pose, 1, 0, 0}), turbomap::inconsistent_map);
 }
 
 TEST_CASE("each lie is told apart") {

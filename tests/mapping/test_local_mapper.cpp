@@ -644,7 +644,9 @@ TEST_CASE("a map that contradicts itself is refused stage by stage, and stays as
     hooks.stage_done = [&](mapping_stage done, const turbomap::mapping_report&) {
       if (armed && done == mapping_stage::search && s == mapping_stage::creation) lie();
     };
-    stereo_run<lying_map> r(stereo_case().options, hooks);
+    auto options = stereo_case().options;
+    options.strict = true;
+    stereo_run<lying_map> r(options, hooks);
     liar = &r.run.map;
     auto& enabled = r.run.mapper.options().enabled;
     enabled[mapping_stage::keyframe_culling] = false;

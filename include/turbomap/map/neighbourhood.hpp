@@ -100,10 +100,14 @@ class neighbourhood {
       seen_.clear();
       seen_.place(map, query);
       for (const keyframe k : list) seen_.place(map, k);
+      keyframe slow = query;  // half as fast: in a circle, which no edit makes, the other one meets it
+      bool advance = false;
       for (keyframe k = traits::previous(map, query);
-           !(k == keyframe{}) && list.size() < static_cast<std::size_t>(wanted); k = traits::previous(map, k)) {
+           !(k == keyframe{}) && !(k == slow) && list.size() < static_cast<std::size_t>(wanted);
+           k = traits::previous(map, k), advance = !advance) {
         const std::size_t known = seen_.size();
         if (seen_.place(map, k) == known && accept(k)) list.push_back(k);
+        if (advance) slow = traits::previous(map, slow);
       }
     }
   }

@@ -8,74 +8,15 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <stdexcept>
-#include <string>
 #include <vector>
 
 #include "../config.hpp"
-#include "../error.hpp"
+#include "../math/functions.hpp"
+#include "../math/rotation.hpp"
 #include "../plain_vector.hpp"
+#include "map_fault.hpp"
 #include "map_traits.hpp"
 #include "observation_counts.hpp"
-
-namespace turbomap {
-
-/// What is wrong with a map.
-enum class map_fault : std::uint8_t {
-  slot_of_dead_point,        ///< a slot holds a point that is not alive
-  slot_without_observation,  ///< a slot holds a point that does not list this keypoint
-  observation_without_slot,  ///< an observation whose slot is empty or holds another point
-  observer_not_alive,        ///< an observation by a keyframe that is not in the map
-  keypoint_out_of_range,     ///< an observation by a keypoint that the keyframe does not have
-  seen_twice_by_camera,      ///< two keypoints of one camera of a keyframe see the point
-  octave_out_of_range,       ///< a keypoint's octave is beyond the counts of the point
-  wrong_octave_counts        ///< the counts differ from recount()
-};
-
-inline const char* to_string(map_fault fault) {
-  switch (fault) {
-    case map_fault::slot_of_dead_point:
-      return "a slot holds a point that is not alive";
-    case map_fault::slot_without_observation:
-      return "a slot holds a point that does not list the keypoint";
-    case map_fault::observation_without_slot:
-      return "an observation whose slot does not hold the point";
-    case map_fault::observer_not_alive:
-      return "an observation by a keyframe that is not alive";
-    case map_fault::keypoint_out_of_range:
-      return "an observation by a keypoint that the keyframe does not have";
-    case map_fault::seen_twice_by_camera:
-      return "a camera sees the point by two keypoints";
-    case map_fault::octave_out_of_range:
-      return "an octave beyond the counts of the point";
-    case map_fault::wrong_octave_counts:
-      return "the counts by octave differ from the observations";
-  }
-  return "";
-}
-
-/// One fault, with the ids of keyframe and point (0 where it is about a point alone) and the keypoint.
-struct map_violation {
-  map_fault fault;
-  std::uint64_t keyframe;
-  std::uint64_t point;
-  std::size_t keypoint;
-};
-
-inline std::string to_string(const map_violation& v) {
-  std::string text = to_string(v.fault);
-  text.append(": keyframe ").append(printed(v.keyframe)).append(", keypoint ").append(printed(v.keypoint));
-  return text.append(", point ").append(printed(v.point));
-}
-
-/// A commit was refused because the part of the map that it concerns contradicts itself; the map is unchanged.
-struct inconsistent_map : std::invalid_argument {
-  explicit inconsistent_map(const map_violation& v)
-      : std::invalid_argument(std::string("turbomap: map: ").append(to_string(v))), violation(v) {}
-  map_violation violation;
-};
-
-}  // namespace turbomap
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -157,6 +98,13 @@ void check_slot(const Map& map, typename map_traits<Map>::keyframe keyframe, std
 
 }  // namespace detail
 
+/// Whether the position of a point is made of numbers.
+template <class Map>
+bool has_finite_position(const Map& map, typename map_traits<Map>::point point) {
+  const auto& x = map_traits<Map>::position(map, point);
+  return detail::is_finite(x.x) && detail::is_finite(x.y) && detail::is_finite(x.z);
+}
+
 /// Every fault of the map, keyframes first, in the order of the map. Needs for_each_keyframe and for_each_point of the
 /// traits. Takes no guard: hold it. O(slots + observations x views).
 template <class Map>
@@ -169,36 +117,47 @@ std::vector<map_violation> validate(const Map& map) {
   const auto report = [&](const map_violation& v) { faults.push_back(v); };
   traits::for_each_keyframe(map, [&](typename traits::keyframe k) {
     if (!traits::alive(map, k)) return;
+    if (!is_pose(pose_of(map, k))) report(map_violation{map_fault::bad_pose, traits::id(map, k), 0, 0});
     for (std::size_t i = 0; i < keypoint_count_of(map, k); ++i) detail::check_slot(map, k, i, report);
   });
   traits::for_each_point(map, [&](typename traits::point p) {
-    if (traits::alive(map, p)) detail::check_point(map, p, report);
+    if (!traits::alive(map, p)) return;
+    if (!has_finite_position(map, p)) report(map_violation{map_fault::position_not_finite, 0, traits::id(map, p), 0});
+    detail::check_point(map, p, report);
   });
   return faults;
 }
 
-/// Throws inconsistent_map when a keyframe contradicts an observation of the point. O(views).
+/// Whether no keyframe contradicts an observation of the point. By default throws inconsistent_map where one does. O(views).
 template <class Map>
-void require_consistent(const Map& map, typename map_traits<Map>::point point) {
-  detail::check_observations(map, point, [](const map_violation& v) { throw inconsistent_map(v); });
+bool require_consistent(const Map& map, typename map_traits<Map>::point point, fault_sink faults = {}) {
+  bool sound = true;
+  detail::check_observations(map, point, [&](const map_violation& v) { faults(v), sound = false; });
+  return sound;
 }
 
-/// Throws inconsistent_map when a slot does not agree with the point in it. O(views).
+/// Whether a slot agrees with the point in it. By default throws inconsistent_map where it does not. O(views).
 template <class Map>
-void require_consistent_slot(const Map& map, typename map_traits<Map>::keyframe keyframe, std::size_t keypoint) {
-  detail::check_slot(map, keyframe, keypoint, [](const map_violation& v) { throw inconsistent_map(v); });
+bool require_consistent_slot(const Map& map, typename map_traits<Map>::keyframe keyframe, std::size_t keypoint,
+                             fault_sink faults = {}) {
+  bool sound = true;
+  detail::check_slot(map, keyframe, keypoint, [&](const map_violation& v) { faults(v), sound = false; });
+  return sound;
 }
 
 /// Both, for all slots of a live keyframe. O(views of its points).
 template <class Map>
-void require_consistent_keyframe(const Map& map, typename map_traits<Map>::keyframe keyframe) {
+bool require_consistent_keyframe(const Map& map, typename map_traits<Map>::keyframe keyframe, fault_sink faults = {}) {
   using traits = map_traits<Map>;
+  bool sound = true;
   const std::size_t keypoints = keypoint_count_of(map, keyframe);
   for (std::size_t i = 0; i < keypoints; ++i) {
-    require_consistent_slot(map, keyframe, i);
     const auto point = traits::point_at(map, keyframe, i);
-    if (!(point == typename traits::point{})) require_consistent(map, point);
+    if (point == typename traits::point{}) continue;
+    if (!require_consistent_slot(map, keyframe, i, faults)) sound = false;
+    if (traits::alive(map, point) && !require_consistent(map, point, faults)) sound = false;
   }
+  return sound;
 }
 
 TURBOMAP_END_NAMESPACE

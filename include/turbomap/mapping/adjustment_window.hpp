@@ -17,6 +17,7 @@
 #include "../plain_vector.hpp"
 #include "keyframe_selection.hpp"
 #include "local_adjustment_options.hpp"
+#include "stage.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -43,18 +44,22 @@ class adjustment_window {
   };
 
   /// The caller holds the guard. \param current  alive and in the store
-  /// \throws inconsistent_map  an observation by a keypoint that its keyframe does not have
+  /// \throws inconsistent_map  an observation by a keypoint that its keyframe does not have, a pose or position that cannot be
+  ///         used; where the scope notes faults, these are passed over. Empty where the pose is that of `current`
   /// O(observations of the points of the free keyframes).
-  void gather(const Map& map, const handle_table& stored, keyframe current, int min_shared_points) {
+  template <class Policy>
+  void gather(const mapping_scope<Map, Policy>& s, keyframe current, int min_shared_points) {
+    const Map& map = s.map;
     clear();
-    add_frame(map, stored, current, is_origin(map, current));
-    const auto in_store = [&](keyframe k) { return stored.contains(traits::id(map, k)); };
-    for (const auto& c : covisibility_(map, current, min_shared_points, no_limit, in_store))
-      add_frame(map, stored, c.keyframe, is_origin(map, c.keyframe));
+    if (add_frame(map, s.stored, current, is_origin(map, current), s.faults) == id_table::none) return;
+    const auto can_use = [&](keyframe k) { return s.can_use(k); };
+    for (const auto& c : covisibility_(map, current, min_shared_points, no_limit, can_use))
+      add_frame(map, s.stored, c.keyframe, is_origin(map, c.keyframe), s.faults);
     const std::size_t local = frames_.size();
     for (std::size_t f = 0; f < local; ++f) {
       const std::size_t keypoints = keypoint_count_of(map, frames_[f]);
-      for (std::size_t i = 0; i < keypoints; ++i) add_point(map, stored, traits::point_at(map, frames_[f], i));
+      for (std::size_t i = 0; i < keypoints; ++i)
+        add_point(map, s.stored, traits::point_at(map, frames_[f], i), s.faults);
     }
     hold_something(local);
   }
@@ -87,22 +92,23 @@ class adjustment_window {
       return false;
   }
   /// Its number, or id_table::none when it is not in the store.
-  std::size_t add_frame(const Map& map, const handle_table& stored, keyframe k, bool fixed) {
-    const std::size_t known = frames_.size(), at = frames_.place(map, k, stored);
+  std::size_t add_frame(const Map& map, const handle_table& stored, keyframe k, bool fixed, fault_sink faults) {
+    const std::size_t known = frames_.size(), at = frames_.place(map, k, stored, faults);
     if (at == known) fixed_.push_back(fixed ? 1 : 0);
     return at;
   }
-  void add_point(const Map& map, const handle_table& stored, point p) {
+  void add_point(const Map& map, const handle_table& stored, point p, fault_sink faults) {
     if (p == point{} || !traits::alive(map, p)) return;
+    if (!has_finite_position(map, p)) return faults({map_fault::position_not_finite, 0, traits::id(map, p), 0});
     const std::size_t number = points_.size();
     if (point_numbers_.place(map, p) != number) return;
     points_.push_back(p);
     positions_.push_back(position_of(map, p));
     traits::for_each_observation(map, p, [&](keyframe k, std::size_t keypoint) {
-      const std::size_t f = add_frame(map, stored, k, true);
+      const std::size_t f = add_frame(map, stored, k, true, faults);
       if (f == id_table::none) return;
       if (keypoint >= keypoint_count_of(map, k))
-        throw inconsistent_map({map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, p), keypoint});
+        return faults({map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, p), keypoint});
       rows_frame_.push_back(static_cast<std::int32_t>(f));
       rows_landmark_.push_back(static_cast<std::int32_t>(number));
       rows_keypoint_.push_back(static_cast<std::int32_t>(keypoint));

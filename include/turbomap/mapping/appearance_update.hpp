@@ -36,8 +36,8 @@ class appearance_update {
   /// \param points  those to be updated; dead ones, unobserved ones and repetitions are passed over, and so are observers
   ///                that are not in the store
   /// \return how many were
-  /// \throws inconsistent_map  a view by a keyframe or keypoint that is not there; std::invalid_argument: a position that is
-  ///         not finite. No point is changed
+  /// \throws inconsistent_map  a view by a keyframe or keypoint that is not there, a position that is not finite, unless the
+  ///         scope notes faults: then such views and points are passed over
   /// A point whose position or observations change meanwhile keeps what fits the snapshot; whoever changed it updates it.
   std::size_t operator()(const scope& s, span<const point> points, const appearance_options& options) {
     snapshot(s, points);
@@ -50,7 +50,7 @@ class appearance_update {
     options.descriptors = false;
     {
       const auto guard = s.guard();
-      gather(s.map, s.stored, moved);
+      gather(s, moved);
     }
     updated += update(s, options);
     return updated;
@@ -60,7 +60,7 @@ class appearance_update {
   void snapshot(const scope& s, span<const point> points) {
     const auto guard = s.guard();
     seen_.clear();
-    gather(s.map, s.stored, points);
+    gather(s, points);
   }
   /// Throws what update_appearance() throws.
   void compute(const scope& s, const appearance_options& options) {
@@ -121,7 +121,8 @@ class appearance_update {
     }
   }
 
-  void gather(const Map& map, const handle_table& stored, span<const point> points) {
+  void gather(const scope& s, span<const point> points) {
+    const Map& map = s.map;
     observers_.clear();
     points_.clear(), positions_.clear(), observations_.clear(), references_.clear();
     offsets_.assign(1, 0);
@@ -132,17 +133,21 @@ class appearance_update {
       views_.clear();
       traits::for_each_observation(map, p, [&](keyframe k, std::size_t i) {
         if (k == keyframe{} || !traits::alive(map, k))
-          throw inconsistent_map({map_fault::observer_not_alive, 0, traits::id(map, p), i});
+          return s.faults({map_fault::observer_not_alive, 0, traits::id(map, p), i});
         if (i >= keypoint_count_of(map, k))
-          throw inconsistent_map({map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, p), i});
+          return s.faults({map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, p), i});
         views_.push_back({traits::id(map, k), i, k});
       });
       if (views_.empty()) continue;
+      if (!has_finite_position(map, p)) {
+        s.faults({map_fault::position_not_finite, 0, traits::id(map, p), 0});
+        continue;
+      }
       order_views();
       const keyframe reference = traits::reference(map, p);
       std::size_t reference_place = id_table::none, first = id_table::none;
       for (const view_of_point& v : views_) {
-        const std::size_t at = observers_.place(map, v.observer, stored);
+        const std::size_t at = observers_.place(map, v.observer, s.stored, s.faults);
         if (at == id_table::none) continue;
         if (first == id_table::none) first = at;
         if (v.observer == reference) reference_place = at;

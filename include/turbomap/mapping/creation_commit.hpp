@@ -42,11 +42,13 @@ TURBOMAP_BEGIN_NAMESPACE
 ///                     appearance is due
 /// \throws std::invalid_argument  an index out of range, appearances that are not as many as the points; inconsistent_map
 ///         where a slot contradicts the map. Everything is checked before the first point is inserted
+/// \param faults       where to note slots that contradict the map instead; their keypoints get no point
 /// O(observations).
 template <class Map, class List>
 void commit_points(Map& map, const new_points_view& points,
                    const computed_appearances<typename map_traits<Map>::descriptor>& appearances,
-                   span<const typename map_traits<Map>::keyframe> keyframes, List& created, List& due) {
+                   span<const typename map_traits<Map>::keyframe> keyframes, List& created, List& due,
+                   fault_sink faults = {}) {
   using traits = map_traits<Map>;
   static_assert(require_map_traits<Map>());
   const std::size_t count = points.positions.size();
@@ -67,7 +69,7 @@ void commit_points(Map& map, const new_points_view& points,
     if (!traits::alive(map, k)) continue;
     require(o.keypoint >= 0 && static_cast<std::size_t>(o.keypoint) < keypoint_count_of(map, k),
             "observations[].keypoint", o.keypoint, "is not a keypoint of the keyframe");
-    require_consistent_slot(map, k, static_cast<std::size_t>(o.keypoint));
+    require_consistent_slot(map, k, static_cast<std::size_t>(o.keypoint), faults);
   }
   created.reserve(created.size() + count), due.reserve(due.size() + count);
   const auto possible = [&](const point_observation& o) {

@@ -109,8 +109,8 @@ class duplicate_fusion {
   void snapshot_targets(const scope& s, span<const keyframe> targets) {
     targets_.clear();
     for (const keyframe k : targets)
-      if (traits::alive(s.map, k)) targets_.place(s.map, k, s.stored);
-    snapshot_.note_observed(s.map, targets_);
+      if (traits::alive(s.map, k)) targets_.place(s.map, k, s.stored, s.faults);
+    snapshot_.note_observed(s.map, targets_, s.faults);
   }
 
   /// Searches the points in the targets. \param only_camera  of every target, or all_cameras
@@ -132,7 +132,8 @@ class duplicate_fusion {
   fusion_summary commit(const scope& s, const fusion_commit_options& options) {
     const auto guard = s.guard();
     return commit_(s.map, span<const duplicate<typename descriptor::distance_type>>(plan_),
-                   span<const keyframe>(targets_.keyframes()), span<const point>(snapshot_.points()), options);
+                   span<const keyframe>(targets_.keyframes()), span<const point>(snapshot_.points()), options,
+                   s.faults);
   }
 
   duplicates<descriptor, camera, Policy> duplicates_;

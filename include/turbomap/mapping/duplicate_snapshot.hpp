@@ -48,21 +48,21 @@ class duplicate_snapshot {
     const std::size_t known = seen_.size();
     if (seen_.place(map, p) == known) add(map, p);
   }
-  /// Notes which targets see the points already. Throws inconsistent_map for a view by a keypoint that the target does not
-  /// have. O(views of all points).
-  void note_observed(const Map& map, const keyframe_selection<Map>& targets) {
+  /// Notes which targets see the points already. `faults` is told of views by keypoints that the target does not have.
+  /// O(views of all points).
+  void note_observed(const Map& map, const keyframe_selection<Map>& targets, fault_sink faults = {}) {
     observed_.clear();
     if (targets.size() == 1) {  // the way back: no table
       for (std::size_t p = 0; p < points_.size(); ++p)
         traits::for_each_observation(map, points_[p], [&](keyframe k, std::size_t i) {
-          if (k == targets[0]) note(map, k, i, 0, p);
+          if (k == targets[0]) note(map, k, i, 0, p, faults);
         });
       return;
     }
     for (std::size_t p = 0; p < points_.size(); ++p)
       traits::for_each_observation(map, points_[p], [&](keyframe k, std::size_t i) {
         const std::size_t target = targets.find(map, k);
-        if (target != id_table::none) note(map, k, i, target, p);
+        if (target != id_table::none) note(map, k, i, target, p, faults);
       });
   }
   /// Makes skip() of what was noted; needs no guard. \param cameras  of each target
@@ -103,10 +103,9 @@ class duplicate_snapshot {
     std::size_t target, camera, point;
   };
 
-  void note(const Map& map, keyframe k, std::size_t keypoint, std::size_t target, std::size_t p) {
+  void note(const Map& map, keyframe k, std::size_t keypoint, std::size_t target, std::size_t p, fault_sink faults) {
     if (keypoint >= keypoint_count_of(map, k))
-      throw inconsistent_map(
-          {map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, points_[p]), keypoint});
+      return faults({map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, points_[p]), keypoint});
     observed_.push_back({target, keypoint_of(map, k, keypoint).camera, p});
   }
   void add(const Map& map, point p) {

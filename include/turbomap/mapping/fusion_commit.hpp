@@ -42,7 +42,8 @@ enum class fusion_action : std::uint8_t {
   keypoint_replaced = 3,   ///< the point that was searched for survives
   stale = 5,               ///< point or keyframe are gone
   already_observed = 6,    ///< the camera sees the point already
-  conflict = 7             ///< seen apart: not the same point
+  conflict = 7,            ///< seen apart: not the same point
+  refused = 8              ///< what the entry concerns contradicts the map
 };
 
 /// What is done with a point that was found at a keypoint, by the measurements of both (measurement_count).
@@ -71,21 +72,24 @@ class fusion_commit {
   /// \throws std::invalid_argument  an index out of range; inconsistent_map when a slot or point that an entry concerns
   ///         contradicts the map. Everything is checked, and our memory taken, before the first change: the map is then
   ///         as it was. When a write of the traits finds no memory, the entries before are applied, and none is half done
+  /// \param faults  where to note contradictions instead; the entries that they concern are left out (refused)
   /// O(entries x views^2).
   template <class Distance>
   fusion_summary operator()(Map& map, span<const duplicate<Distance>> plan, span<const keyframe> targets,
-                            span<const point> points, const fusion_commit_options& options = {}) {
+                            span<const point> points, const fusion_commit_options& options = {},
+                            fault_sink faults = {}) {
     static_assert(require_map_traits<Map>());
     require(options.tolerance.chi2 >= 0, "options.tolerance.chi2", options.tolerance.chi2, "must not be negative");
     require(options.tolerance.scale_factor >= 1, "options.tolerance.scale_factor", options.tolerance.scale_factor,
             "must be at least 1");
-    check(map, plan, targets, points);
     actions_.assign(plan.size(), fusion_action::none);
+    check(map, plan, targets, points, faults);
     const std::size_t before = touched_.size();
     touched_.reserve(before + 2 * plan.size());
     fusion_summary summary;
     for (std::size_t i = 0; i < plan.size(); ++i) {
       const auto& entry = plan[i];
+      if (actions_[i] == fusion_action::refused) continue;
       actions_[i] =
           apply(map, points[static_cast<std::size_t>(entry.point)], targets[static_cast<std::size_t>(entry.target)],
                 static_cast<std::size_t>(entry.keypoint), options);
@@ -111,9 +115,9 @@ class fusion_commit {
 
   template <class Distance>
   void check(const Map& map, span<const duplicate<Distance>> plan, span<const keyframe> targets,
-             span<const point> points) {
+             span<const point> points, fault_sink faults) {
     std::size_t views = 0;
-    checked_.clear();
+    checked_.clear(), sound_.clear();
     for (std::size_t i = 0; i < plan.size(); ++i) {
       const auto& entry = plan[i];
       require(entry.target >= 0 && static_cast<std::size_t>(entry.target) < targets.size(), "plan[].target",
@@ -124,29 +128,34 @@ class fusion_commit {
       if (!traits::alive(map, k)) continue;
       require(entry.keypoint >= 0 && static_cast<std::size_t>(entry.keypoint) < keypoint_count_of(map, k),
               "plan[].keypoint", entry.keypoint, "is not a keypoint of the target");
-      require_consistent_slot(map, k, static_cast<std::size_t>(entry.keypoint));
-      const point holder = traits::point_at(map, k, static_cast<std::size_t>(entry.keypoint));
-      if (!(holder == point{})) views += check_once(map, holder);
-      const point candidate = resolve(map, points[static_cast<std::size_t>(entry.point)]);
-      if (candidate == point{}) continue;
-      views += check_once(map, candidate);
-      if constexpr (counts_octaves_v<Map>)
-        if (keypoint_of(map, k, static_cast<std::size_t>(entry.keypoint)).octave >=
-            traits::octave_counts(map, candidate).size())
-          throw inconsistent_map({map_fault::octave_out_of_range, traits::id(map, k), traits::id(map, candidate),
-                                  static_cast<std::size_t>(entry.keypoint)});
+      if (!check_entry(map, k, static_cast<std::size_t>(entry.keypoint),
+                       resolve(map, points[static_cast<std::size_t>(entry.point)]), views, faults))
+        actions_[i] = fusion_action::refused;
     }
     scratch_.reserve(views + plan.size());  // each entry may add a view
     survivors_.reserve(survivors_.size() + plan.size());
   }
-  /// Its number of views; 0 when it has been checked.
-  std::size_t check_once(const Map& map, point p) {
-    const std::size_t known = checked_.size();
-    if (checked_.place(map, p) != known) return 0;
-    require_consistent(map, p);
-    std::size_t views = 0;
+  /// Whether slot and points of an entry agree with the map. \param views  of the points, added up
+  bool check_entry(const Map& map, keyframe k, std::size_t keypoint, point candidate, std::size_t& views,
+                   fault_sink faults) {
+    if (!require_consistent_slot(map, k, keypoint, faults)) return false;
+    const point holder = traits::point_at(map, k, keypoint);
+    if (!(holder == point{}) && !check_once(map, holder, views, faults)) return false;
+    if (candidate == point{}) return true;
+    if (!check_once(map, candidate, views, faults)) return false;
+    if constexpr (counts_octaves_v<Map>)
+      if (keypoint_of(map, k, keypoint).octave >= traits::octave_counts(map, candidate).size()) {
+        faults({map_fault::octave_out_of_range, traits::id(map, k), traits::id(map, candidate), keypoint});
+        return false;
+      }
+    return true;
+  }
+  bool check_once(const Map& map, point p, std::size_t& views, fault_sink faults) {
+    const std::size_t known = sound_.size(), at = checked_.place(map, p);
+    if (at != known) return sound_[at] != 0;
+    sound_.push_back(require_consistent(map, p, faults) ? 1 : 0);
     traits::for_each_observation(map, p, [&](keyframe, std::size_t) { ++views; });
-    return views;
+    return sound_[at] != 0;
   }
 
   fusion_action apply(Map& map, point candidate, keyframe target, std::size_t keypoint,
@@ -180,6 +189,7 @@ class fusion_commit {
   }
 
   point_numbering<Map> checked_;
+  plain_vector<std::uint8_t> sound_;  ///< of each of them
   plain_vector<fusion_action> actions_;
   list_of<point> touched_, survivors_;
   list_of<view> scratch_;  ///< of a point that is merged

@@ -142,12 +142,13 @@ struct ignore_keyframe {
 /// \param records     one entry per candidate, appended
 /// \param touched     null, or a pointer to a list: points that lost a view and live on are appended
 /// \param erasing     erasing(keyframe): called before a keyframe is taken out
+/// \param faults      where to note contradictions instead; the keyframe then stays and the next is looked at
 /// \throws std::invalid_argument  an option out of range
 /// O(keypoints of the candidates + views of removed ones).
 template <class Map, class Records, class Touched = std::nullptr_t, class Erasing = ignore_keyframe>
 void cull_keyframes(Map& map, typename map_traits<Map>::keyframe current,
                     span<const typename map_traits<Map>::keyframe> candidates, const keyframe_culling_options& options,
-                    Records& records, Touched touched = nullptr, const Erasing& erasing = {}) {
+                    Records& records, Touched touched = nullptr, const Erasing& erasing = {}, fault_sink faults = {}) {
   using traits = map_traits<Map>;
   static_assert(require_map_traits<Map>());
   check(options);
@@ -170,13 +171,18 @@ void cull_keyframes(Map& map, typename map_traits<Map>::keyframe current,
     }
     const std::uint64_t id = traits::id(map, keyframe);
     // Counting without kept counts looks at the views.
-    if constexpr (!counts_octaves_v<Map>) require_consistent_keyframe(map, keyframe);
+    bool sound = true;
+    if constexpr (!counts_octaves_v<Map>) sound = require_consistent_keyframe(map, keyframe, faults);
+    if (!sound) {
+      records.push_back({keyframe, id, {}, culling_verdict::protected_});
+      continue;
+    }
     const redundancy count = count_redundant(map, keyframe, options, scratch);
     bool erase = is_redundant(count, options);
     if constexpr (has_time)
       if (erase && options.temporal_guards) erase = !leaves_gap(map, keyframe, state, options);
+    if constexpr (counts_octaves_v<Map>) erase = erase && require_consistent_keyframe(map, keyframe, faults);
     if (erase) {
-      if constexpr (counts_octaves_v<Map>) require_consistent_keyframe(map, keyframe);
       if constexpr (!std::is_null_pointer_v<Touched>)
         if (touched != nullptr) touched->reserve(touched->size() + keypoint_count_of(map, keyframe));
       erasing(keyframe);
@@ -203,7 +209,9 @@ class keyframe_culling {
   const list_of<keyframe>& snapshot(const scope& s, keyframe current, const neighbourhood_options& options) {
     const auto guard = s.guard();
     touched_.clear();
-    const auto in_store = [&](keyframe k) { return s.stored.contains(traits::id(s.map, k)); };
+    const auto in_store = [&](keyframe k) {
+      return traits::alive(s.map, k) && s.stored.contains(traits::id(s.map, k));
+    };
     return candidates_ = neighbourhood_.covisible_keyframes(s.map, current, options, in_store);
   }
   /// Takes one candidate out if it is redundant. \param erased  erased(id): its id is free, called under the guard
@@ -213,7 +221,8 @@ class keyframe_culling {
     const auto guard = s.guard();
     if (!traits::alive(s.map, candidate)) return;
     records_.clear();
-    cull_keyframes(s.map, current, span<const keyframe>(&candidate, 1), options, records_, &touched_, erasing);
+    cull_keyframes(s.map, current, span<const keyframe>(&candidate, 1), options, records_, &touched_, erasing,
+                   s.faults);
     for (const auto& record : records_)
       if (record.verdict == culling_verdict::erased) erased(record.id);
   }

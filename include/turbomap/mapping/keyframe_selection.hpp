@@ -9,8 +9,10 @@
 #include <cstdint>
 
 #include "../config.hpp"
+#include "../map/map_fault.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/numbering.hpp"
+#include "../math/rotation.hpp"
 #include "../plain_vector.hpp"
 #include "../store/posed_keyframe.hpp"
 #include "handle_table.hpp"
@@ -29,15 +31,20 @@ class keyframe_selection {
     keyframes_.clear(), ids_.clear();
     T_cw_.clear(), handles_.clear();
   }
-  /// The number of a keyframe in this selection; it is taken in if it is new. id_table::none when it is not in the store:
-  /// it is not to be searched yet. The caller holds the guard. Throws std::bad_alloc.
-  std::size_t place(const Map& map, keyframe k, const handle_table& stored) {
+  /// The number of a keyframe in this selection; it is taken in if it is new. id_table::none when it is not in the store,
+  /// so not to be searched yet, or has no pose that can be used, which `faults` is told. The caller holds the guard.
+  /// Throws std::bad_alloc.
+  std::size_t place(const Map& map, keyframe k, const handle_table& stored, fault_sink faults = {}) {
     const std::uint64_t id = traits::id(map, k);
     const std::size_t known = numbers_.find(map, k);
     if (known != id_table::none) return known;
     keyframe_handle handle;
     if (!stored.find(id, handle)) return id_table::none;
     const auto T_cw = pose_of(map, k);
+    if (!is_pose(T_cw)) {
+      faults({map_fault::bad_pose, id, 0, 0});
+      return id_table::none;
+    }
     keyframes_.push_back(k), ids_.push_back(id);
     T_cw_.push_back(T_cw);
     handles_.push_back(handle);

@@ -69,7 +69,7 @@ class local_adjustment {
       return window_.clear();
     }
     s.stored.at(traits::id(s.map, current));  // throws when it is not there
-    window_.gather(s.map, s.stored, current, options.min_shared_points);
+    window_.gather(s, current, options.min_shared_points);
     for (const auto fixed : window_.fixed()) ++(fixed != 0 ? summary.fixed_keyframes : summary.free_keyframes);
     summary.points = window_.points().size();
     summary.observations = window_.row_count();
@@ -108,7 +108,7 @@ class local_adjustment {
         summary.stale =
             summary.stale || !traits::alive(map, frames[f]) || !same(pose_of(map, frames[f]), frames.T_cw()[f]);
     if (summary.stale) return;
-    find_outliers(map, options);
+    find_outliers(map, options, s.faults);
     lost_views_.reserve(outliers_.size());
     for (std::size_t f = 0; f < frames.size(); ++f)
       if (window_.fixed()[f] == 0) traits::set_pose(map, frames[f], T_cw_[f]);
@@ -151,7 +151,7 @@ class local_adjustment {
     return now.x == then.x && now.y == then.y && now.z == then.z;
   }
   /// Rows beyond their gate that the map still has. Throws inconsistent_map before anything is written.
-  void find_outliers(const Map& map, const local_adjustment_options& options) {
+  void find_outliers(const Map& map, const local_adjustment_options& options, fault_sink faults) {
     outliers_.clear();
     for (std::size_t i = 0; i < window_.row_count(); ++i) {
       if (chi2_[i] <= (measurements_.is_stereo(i) ? options.stereo_chi2 : options.mono_chi2) && depth_[i] > 0) continue;
@@ -162,7 +162,7 @@ class local_adjustment {
       if (!traits::alive(map, k) || !unmoved(map, l) ||
           !(traits::point_at(map, k, static_cast<std::size_t>(row.keypoint)) == p))
         continue;
-      require_consistent(map, p);
+      if (!require_consistent(map, p, faults)) continue;
       outliers_.push_back(i);
     }
   }

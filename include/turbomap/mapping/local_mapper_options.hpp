@@ -24,6 +24,9 @@ struct local_mapper_options {
   /// Keep how well points are known in the map, where its traits can write it (map_traits): for tracking, and for
   /// fusion.covariances. Noise of the pixels as in `adjustment`.
   bool covariances = false;
+  /// What contradicts itself in the map, or is not finite, ends process() with inconsistent_map. Off: it is noted in
+  /// mapping_report::refused, and the work is done without it.
+  bool strict = false;
   neighbour_search_options neighbours;  ///< fusion and culling choose their keyframes by its `neighbourhood` too
   search_options search;
   creation_options creation;

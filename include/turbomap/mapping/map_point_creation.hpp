@@ -66,7 +66,7 @@ class map_point_creation {
     created_.clear(), due_.clear();
     const auto guard = s.guard();
     commit_points<Map>(s.map, new_points_view{positions_, offsets_, observations_}, {look_, descriptors_},
-                       search.selection().keyframes(), created_, due_);
+                       search.selection().keyframes(), created_, due_, s.faults);
   }
 
   /// New points of the last call that entered the map with fewer observations than they were described with.

@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "../map/map_fault.hpp"
 #include "../matching/creation_plan.hpp"
 #include "../plain_vector.hpp"
 #include "fusion_options.hpp"
@@ -41,7 +42,8 @@ enum class stage_outcome : std::uint8_t {
   off,      ///< switched off
   done,     ///< ran to its end
   skipped,  ///< left out: more keyframes wait
-  cut       ///< left out, or ended early at a safe point: the deadline
+  cut,      ///< left out, or ended early at a safe point: the deadline
+  refused   ///< left out: the keyframe has no pose that can be used, see mapping_report::refused
 };
 
 /// One value per stage.
@@ -68,6 +70,7 @@ struct mapping_report {
   local_adjustment_summary adjustment;           ///< of the mapper's own stage; as it comes where a hook adjusts
   std::size_t points_updated = 0;                ///< whose appearance was computed anew
   plain_vector<std::uint64_t> keyframes_culled;  ///< ids
+  plain_vector<map_violation> refused;           ///< what was passed over because it cannot be used; each fault once
   bool cut = false;                              ///< the deadline cut a stage
 };
 

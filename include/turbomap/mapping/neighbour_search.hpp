@@ -42,12 +42,12 @@ class neighbour_search {
   /// Poses and masks of the keyframe and of its neighbours whose baseline suffices.
   /// \param fitting  fitting(n): how many of n neighbours may be taken, e.g. by a deadline
   /// \return whether fitting() cost neighbours that would have been searched
-  /// \throws std::invalid_argument  the keyframe is not in the store; an option out of range
+  /// \throws std::invalid_argument  the keyframe is not in the store or has no pose; an option out of range
   template <class Fitting>
   bool snapshot(const scope& s, keyframe query, const neighbour_search_options& options, Fitting fitting) {
     const auto guard = s.guard();
-    const auto in_store = [&](keyframe k) { return s.stored.contains(traits::id(s.map, k)); };
-    const auto& near = neighbourhood_.neighbours(s.map, query, options.neighbourhood, in_store);
+    const auto& near =
+        neighbourhood_.neighbours(s.map, query, options.neighbourhood, [&](keyframe k) { return s.can_use(k); });
     const std::size_t most = fitting(near.size());
     gather(s.map, s.stored, query, near, options, most);
     return most < near.size() && neighbour_count() == most;
@@ -85,8 +85,8 @@ class neighbour_search {
   void gather(const Map& map, const handle_table& stored, keyframe query, const list_of<keyframe>& neighbours,
               const neighbour_search_options& options, std::size_t most) {
     selection_.clear();
-    stored.at(traits::id(map, query));  // throws when it is not there
-    selection_.place(map, query, stored);
+    stored.at(traits::id(map, query));                             // throws when it is not there
+    selection_.place(map, query, stored);                          // throws when it has no pose
     const rigid_transform<double> T_query = selection_.T_cw()[0];  // a copy: the list grows
     for (const keyframe n : neighbours) {
       if (selection_.size() > most) break;

@@ -23,10 +23,11 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// One round, at keyframe number `now`: erases what fails, and takes off the list what failed, died, was merged or has
 /// passed. All points are checked before the first is erased: inconsistent_map leaves the map and the list as they were.
+/// With a list in `faults` the contradictions are noted there instead, and the points stay until their probation is over.
 /// The caller holds the guard. O(points x views).
 template <class Map, class List>
 map_point_culling_summary cull_recent_points(Map& map, List& recent, std::int64_t now,
-                                             const map_point_culling_options& options = {}) {
+                                             const map_point_culling_options& options = {}, fault_sink faults = {}) {
   using traits = map_traits<Map>;
   static_assert(require_map_traits<Map>());
   check(options);
@@ -34,7 +35,7 @@ map_point_culling_summary cull_recent_points(Map& map, List& recent, std::int64_
   for (std::size_t i = 0; i < recent.size(); ++i) {
     const auto& r = recent[i];
     if (!traits::alive(map, r.point)) continue;
-    require_consistent(map, r.point);  // before its views are looked at
+    if (!require_consistent(map, r.point, faults)) continue;  // before its views are looked at
     float found_ratio = 1;
     if constexpr (detail::map_has_v<Map, detail::map_found_member>) found_ratio = traits::found_ratio(map, r.point);
     failed[i] = fails_probation(found_ratio, measurement_count(map, r.point), now - r.since, options) ? 1 : 0;
@@ -71,7 +72,7 @@ class point_culling {
   map_point_culling_summary operator()(const mapping_scope<Map, Policy>& s, std::int64_t now,
                                        const map_point_culling_options& options) {
     const auto guard = s.guard();
-    return cull_recent_points(s.map, recent_, now, options);
+    return cull_recent_points(s.map, recent_, now, options, s.faults);
   }
 
  private:

@@ -13,11 +13,14 @@
 /// every keyframe.
 
 #include <chrono>
+#include <cstdint>
 #include <utility>
 
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../map/map_fault.hpp"
 #include "../map/map_traits.hpp"
+#include "../math/rotation.hpp"
 #include "../store/keyframe_store.hpp"
 #include "guard_times.hpp"
 #include "handle_table.hpp"
@@ -53,8 +56,21 @@ struct mapping_scope {
   store_of<Map, Policy>& store;  ///< resident keyframes
   const handle_table& stored;    ///< which keyframes of the map are in the store, by id
   guard_times& held;             ///< where the stage's guard times go
+  fault_sink faults =
+      {};  ///< what becomes of parts of the map that cannot be used; default: the first one ends the stage
 
   timed_guard<Map> guard() const { return timed_guard<Map>(map, held); }
+
+  /// Whether a keyframe can be searched: it is alive, in the store, and has a pose. The caller holds the guard.
+  bool can_use(typename map_traits<Map>::keyframe k) const {
+    using traits = map_traits<Map>;
+    if (!traits::alive(map, k)) return false;
+    const std::uint64_t id = traits::id(map, k);
+    if (!stored.contains(id)) return false;
+    if (is_pose(pose_of(map, k))) return true;
+    faults({map_fault::bad_pose, id, 0, 0});
+    return false;
+  }
 };
 template <class Map, class Policy, class Store>
 mapping_scope(context<Policy>&, Map&, Store&, const handle_table&, guard_times&) -> mapping_scope<Map, Policy>;

@@ -15,6 +15,13 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// Whether a pose can be used: finite, its quaternion of unit length within 1e-3 (of its square). Poses of float systems that
+/// multiply quaternions without normalising them drift far less than that between two keyframes.
+inline bool is_pose(const rigid_transform<double>& T) {
+  const double norm = T.qx * T.qx + T.qy * T.qy + T.qz * T.qz + T.qw * T.qw;
+  return detail::is_finite(T.qx + T.qy + T.qz + T.qw + T.tx + T.ty + T.tz) && norm - 1 < 1e-3 && norm - 1 > -1e-3;
+}
+
 /// The transform with its quaternion scaled to unit length; as it is where that cannot be.
 template <class S>
 TURBOMAP_HD rigid_transform<S> normalised(const rigid_transform<S>& T) {

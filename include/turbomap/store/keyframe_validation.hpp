@@ -64,6 +64,12 @@ inline void validate_keypoint(const keypoint& k, int i, int levels, int cameras)
 }  // namespace detail
 
 namespace detail {
+/// The size of an image, and of the cells that it is divided into, as searches compute it.
+inline void validate_extent(const char* name, float extent, int cells) {
+  require(is_finite(extent) && is_finite(static_cast<float>(cells > 0 ? cells : 1) / extent), name, extent,
+          "must be finite, and not so small that cells have no size");
+}
+
 template <class Descriptor, class Camera>
 std::uint8_t most_camera(const keyframe_view<Descriptor, Camera>& view) {
   std::uint8_t most = 0;
@@ -111,6 +117,8 @@ void validate(const keyframe_data<Descriptor, Camera>& data, const keyframe_pack
     require(is_finite(b.min_y), "bounds.min_y", b.min_y, "must be finite");
     require(is_finite(b.max_x) && b.max_x > b.min_x, "bounds.max_x", b.max_x, "must be finite and above min_x");
     require(is_finite(b.max_y) && b.max_y > b.min_y, "bounds.max_y", b.max_y, "must be finite and above min_y");
+    detail::validate_extent("bounds.max_x - bounds.min_x", b.max_x - b.min_x, options.grid_columns);
+    detail::validate_extent("bounds.max_y - bounds.min_y", b.max_y - b.min_y, options.grid_rows);
   }
   const long long cells = static_cast<long long>(options.grid_columns) * options.grid_rows * data.camera_count;
   require(cells < 0x7FFFFFFF, "grid_columns * grid_rows * camera_count", cells, "must be below 2^31 - 1");

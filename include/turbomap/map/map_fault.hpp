@@ -1,0 +1,102 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What can be wrong with a map, as data and as an exception; and what becomes of a fault that a stage meets: it ends the work,
+/// or is noted and passed over.
+
+#include <cstddef>
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+
+#include "../error.hpp"
+#include "../plain_vector.hpp"
+
+namespace turbomap {
+
+/// What is wrong with a map.
+enum class map_fault : std::uint8_t {
+  slot_of_dead_point,        ///< a slot holds a point that is not alive
+  slot_without_observation,  ///< a slot holds a point that does not list this keypoint
+  observation_without_slot,  ///< an observation whose slot is empty or holds another point
+  observer_not_alive,        ///< an observation by a keyframe that is not in the map
+  keypoint_out_of_range,     ///< an observation by a keypoint that the keyframe does not have
+  seen_twice_by_camera,      ///< two keypoints of one camera of a keyframe see the point
+  octave_out_of_range,       ///< a keypoint's octave is beyond the counts of the point
+  wrong_octave_counts,       ///< the counts differ from recount()
+  bad_pose,                  ///< a pose that is not finite, or whose quaternion is not of unit length: see is_pose()
+  position_not_finite        ///< a position that is not finite
+};
+
+inline const char* to_string(map_fault fault) {
+  switch (fault) {
+    case map_fault::slot_of_dead_point:
+      return "a slot holds a point that is not alive";
+    case map_fault::slot_without_observation:
+      return "a slot holds a point that does not list the keypoint";
+    case map_fault::observation_without_slot:
+      return "an observation whose slot does not hold the point";
+    case map_fault::observer_not_alive:
+      return "an observation by a keyframe that is not alive";
+    case map_fault::keypoint_out_of_range:
+      return "an observation by a keypoint that the keyframe does not have";
+    case map_fault::seen_twice_by_camera:
+      return "a camera sees the point by two keypoints";
+    case map_fault::octave_out_of_range:
+      return "an octave beyond the counts of the point";
+    case map_fault::wrong_octave_counts:
+      return "the counts by octave differ from the observations";
+    case map_fault::bad_pose:
+      return "a pose that is not finite or not of unit length";
+    case map_fault::position_not_finite:
+      return "a position that is not finite";
+  }
+  return "";
+}
+
+/// One fault, with the ids of keyframe and point and the keypoint; 0 what it is not about.
+struct map_violation {
+  map_fault fault;
+  std::uint64_t keyframe;
+  std::uint64_t point;
+  std::size_t keypoint;
+};
+
+inline std::string to_string(const map_violation& v) {
+  std::string text = to_string(v.fault);
+  text.append(": keyframe ").append(printed(v.keyframe)).append(", keypoint ").append(printed(v.keypoint));
+  return text.append(", point ").append(printed(v.point));
+}
+
+/// A commit was refused because the part of the map that it concerns contradicts itself, or a stage because it cannot use what
+/// it read; the map is unchanged.
+struct inconsistent_map : std::invalid_argument {
+  explicit inconsistent_map(const map_violation& v)
+      : std::invalid_argument(std::string("turbomap: map: ").append(to_string(v))), violation(v) {}
+  map_violation violation;
+};
+
+/// What becomes of the faults that a stage meets: the first ends its work (default), or all of them are noted, and the stage
+/// does its work without the parts of the map that they concern.
+class fault_sink {
+ public:
+  /// Throws inconsistent_map at the first fault.
+  fault_sink() = default;
+  /// Appends to the list, each fault once.
+  explicit fault_sink(plain_vector<map_violation>& noted) : noted_(&noted) {}
+
+  /// \throws inconsistent_map  unless there is a list; std::bad_alloc
+  void operator()(const map_violation& v) const {
+    if (noted_ == nullptr) throw inconsistent_map(v);
+    for (const map_violation& n : *noted_)
+      if (n.fault == v.fault && n.keyframe == v.keyframe && n.point == v.point && n.keypoint == v.keypoint) return;
+    noted_->push_back(v);
+  }
+
+ private:
+  plain_vector<map_violation>* noted_ = nullptr;
+};
+
+}  // namespace turbomap
