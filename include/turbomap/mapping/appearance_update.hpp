@@ -15,6 +15,7 @@
 #include "../map/numbering.hpp"
 #include "../map/validate.hpp"
 #include "../plain_vector.hpp"
+#include "in_pieces.hpp"
 #include "keyframe_selection.hpp"
 #include "stage.hpp"
 
@@ -62,21 +63,27 @@ class appearance_update {
     seen_.clear();
     gather(s, points);
   }
-  /// Throws what update_appearance() throws.
-  void compute(const scope& s, const appearance_options& options) {
-    const auto pinned = s.store.pin(s.ctx, span<const keyframe_handle>(observers_.handles()));
+  /// Of the points [begin, end). \param most_views  of each point, the newest ones and the reference keyframe's
+  /// \throws out_of_memory  their observers have no room in the store at a time; what update_appearance() throws
+  void compute(const scope& s, const appearance_options& options, std::size_t begin, std::size_t end,
+               std::size_t most_views = static_cast<std::size_t>(-1)) {
+    const bool all = begin == 0 && end == points_.size() && most_views == static_cast<std::size_t>(-1);
+    if (!all) take_piece(begin, end, most_views);
+    const auto pinned = s.store.pin(s.ctx, span<const keyframe_handle>(all ? observers_.handles() : piece_.handles));
     posed_.clear();
-    for (std::size_t k = 0; k < observers_.size(); ++k) posed_.push_back({pinned[k], observers_.T_cw()[k], {}});
-    const appearance_view view{static_cast<int>(points_.size()), positions_.data(), offsets_.data(),
-                               observations_.data(), references_.data()};
+    for (std::size_t k = 0; k < pinned.size(); ++k)
+      posed_.push_back({pinned[k], observers_.T_cw()[all ? k : piece_.observers[k]], {}});
+    const appearance_view view{
+        static_cast<int>(end - begin), positions_.data() + begin, all ? offsets_.data() : piece_.offsets.data(),
+        all ? observations_.data() : piece_.observations.data(), all ? references_.data() : piece_.references.data()};
     update_appearance(s.ctx, view, span<const posed_keyframe<descriptor, camera>>(posed_), options, appearances_);
     appearances_.plan(s.ctx, updated_, descriptors_);
   }
-  /// Writes what was computed to the points that are alive yet.
-  void commit(const scope& s, const appearance_options& options) {
+  /// Writes what was computed last, of the points from `begin` on, to those that are alive yet.
+  void commit(const scope& s, const appearance_options& options, std::size_t begin) {
     const auto guard = s.guard();
-    for (std::size_t i = 0; i < points_.size(); ++i) {
-      const point p = points_[i];
+    for (std::size_t i = 0; i < updated_.size(); ++i) {
+      const point p = points_[begin + i];
       if (!traits::alive(s.map, p)) continue;
       point_appearance& u = updated_[i];
       if (!options.geometry)
@@ -102,11 +109,57 @@ class appearance_update {
     }
   };
 
+  /// As many points at a time as the store has room for the observers of. Each point is computed by itself, so the result is
+  /// the same; but a point whose own observers do not fit is described by as many of them as do.
   std::size_t update(const scope& s, const appearance_options& options) {
-    if (points_.empty()) return 0;
-    compute(s, options);
-    commit(s, options);
+    in_pieces(points_.size(), [&](std::size_t begin, std::size_t end) {
+      if (end - begin > 1)
+        compute(s, options, begin, end);
+      else
+        compute_one(s, options, begin);
+      commit(s, options, begin);
+    });
     return points_.size();
+  }
+  void compute_one(const scope& s, const appearance_options& options, std::size_t i) {
+    for (auto views = static_cast<std::size_t>(offsets_[i + 1] - offsets_[i]);; views = (views + 1) / 2) {
+      try {
+        return compute(s, options, i, i + 1, views);
+      } catch (const out_of_memory&) {
+        if (views <= 1) throw;
+      }
+    }
+  }
+
+  /// What a call on the points [begin, end) takes: their observers numbered anew.
+  struct piece {
+    plain_vector<std::int32_t> number;    ///< of each observer of the snapshot in the piece; -1: none
+    plain_vector<std::size_t> observers;  ///< of the snapshot
+    plain_vector<keyframe_handle> handles;
+    plain_vector<std::int32_t> offsets, references;
+    plain_vector<point_observation> observations;
+  };
+  void take_piece(std::size_t begin, std::size_t end, std::size_t most_views) {
+    piece_.number.assign(observers_.size(), -1);
+    piece_.observers.clear(), piece_.handles.clear();
+    piece_.references.clear(), piece_.observations.clear();
+    piece_.offsets.assign(1, 0);
+    for (std::size_t i = begin; i < end; ++i) {
+      const auto first = static_cast<std::size_t>(offsets_[i]), last = static_cast<std::size_t>(offsets_[i + 1]);
+      for (std::size_t o = first; o < last; ++o) {
+        const std::int32_t observer = observations_[o].keyframe;
+        if (last - o > most_views && observer != references_[i]) continue;
+        const auto at = static_cast<std::size_t>(observer);
+        if (piece_.number[at] < 0) {
+          piece_.number[at] = static_cast<std::int32_t>(piece_.observers.size());
+          piece_.observers.push_back(at);
+          piece_.handles.push_back(observers_.handles()[at]);
+        }
+        piece_.observations.push_back({piece_.number[at], observations_[o].keypoint});
+      }
+      piece_.references.push_back(piece_.number[static_cast<std::size_t>(references_[i])]);
+      piece_.offsets.push_back(static_cast<std::int32_t>(piece_.observations.size()));
+    }
   }
 
   /// Those of the points that have not been seen since the last snapshot().
@@ -172,6 +225,7 @@ class appearance_update {
   plain_vector<vec3<double>> positions_;
   plain_vector<std::int32_t> offsets_, references_;
   plain_vector<point_observation> observations_;
+  piece piece_;
   plain_vector<posed_keyframe<descriptor, camera>> posed_;
   plain_vector<point_appearance> updated_;
   plain_vector<typename descriptor::element> descriptors_;

@@ -19,6 +19,7 @@
 #include "duplicate_snapshot.hpp"
 #include "fusion_commit.hpp"
 #include "fusion_options.hpp"
+#include "in_pieces.hpp"
 #include "keyframe_selection.hpp"
 #include "stage.hpp"
 
@@ -113,20 +114,30 @@ class duplicate_fusion {
     snapshot_.note_observed(s.map, targets_, s.faults);
   }
 
-  /// Searches the points in the targets. \param only_camera  of every target, or all_cameras
+  /// Searches the points in the targets, as many targets at a time as the store has room for: each is searched by itself, so
+  /// the plan is the same. \param only_camera  of every target, or all_cameras
   void compute(const scope& s, int only_camera, const duplicate_options& options) {
-    const auto pinned = s.store.pin(s.ctx, span<const keyframe_handle>(targets_.handles()));
+    plan_.clear();
+    in_pieces(targets_.size(), [&](std::size_t begin, std::size_t end) {
+      search_targets(s, begin, end, only_camera, options);
+      for (auto& d : found_) d.target += static_cast<std::int32_t>(begin);
+      plan_.append(found_.data(), found_.size());
+    });
+  }
+  void search_targets(const scope& s, std::size_t begin, std::size_t end, int only_camera,
+                      const duplicate_options& options) {
+    const auto pinned = s.store.pin(s.ctx, span<const keyframe_handle>(targets_.handles().data() + begin, end - begin));
+    const std::size_t count = end - begin;
     cameras_.clear();
-    for (std::size_t t = 0; t < targets_.size(); ++t) cameras_.push_back(pinned[t].camera_count);
-    snapshot_.mark_observed(cameras_);
+    for (std::size_t t = 0; t < count; ++t) cameras_.push_back(pinned[t].camera_count);
+    snapshot_.mark_observed(cameras_, begin);
     if (only_camera != all_cameras)
-      for (std::size_t t = 0; t < targets_.size(); ++t) snapshot_.leave_out_other_cameras(t, cameras_[t], only_camera);
+      for (std::size_t t = 0; t < count; ++t) snapshot_.leave_out_other_cameras(t, cameras_[t], only_camera);
     call_.clear();
-    for (std::size_t t = 0; t < targets_.size(); ++t)
-      call_.push_back({pinned[t], targets_.T_cw()[t], snapshot_.skip(t)});
+    for (std::size_t t = 0; t < count; ++t) call_.push_back({pinned[t], targets_.T_cw()[begin + t], snapshot_.skip(t)});
     find_duplicates(s.ctx, snapshot_.points_view(), span<const duplicate_target<descriptor, camera>>(call_), options,
                     duplicates_);
-    duplicates_.plan(s.ctx, plan_);
+    duplicates_.plan(s.ctx, found_);
   }
 
   fusion_summary commit(const scope& s, const fusion_commit_options& options) {
@@ -143,7 +154,8 @@ class duplicate_fusion {
   keyframe_selection<Map> targets_;
   plain_vector<int> cameras_;
   plain_vector<duplicate_target<descriptor, camera>> call_;
-  plain_vector<duplicate<typename descriptor::distance_type>> plan_;
+  plain_vector<duplicate<typename descriptor::distance_type>> plan_,
+      found_;  ///< of all targets, of those searched last
 };
 
 TURBOMAP_END_NAMESPACE

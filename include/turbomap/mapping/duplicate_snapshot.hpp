@@ -65,14 +65,16 @@ class duplicate_snapshot {
         if (target != id_table::none) note(map, k, i, target, p, faults);
       });
   }
-  /// Makes skip() of what was noted; needs no guard. \param cameras  of each target
-  void mark_observed(const plain_vector<int>& cameras) {
+  /// Makes skip() of what was noted of the targets from `first` on; needs no guard. \param cameras  of each of them
+  void mark_observed(const plain_vector<int>& cameras, std::size_t first = 0) {
     begin_.assign(1, 0);
     for (const int c : cameras) begin_.push_back(begin_.back() + static_cast<std::size_t>(c) * points_.size());
     skip_.assign(begin_.back(), 0);
-    for (const view& v : observed_)
-      if (v.camera < static_cast<std::size_t>(cameras[v.target]))
-        skip_[begin_[v.target] + v.camera * points_.size() + v.point] = 1;
+    for (const view& v : observed_) {
+      const std::size_t t = v.target - first;  // wraps where it is before the first
+      if (t < cameras.size() && v.camera < static_cast<std::size_t>(cameras[t]))
+        skip_[begin_[t] + v.camera * points_.size() + v.point] = 1;
+    }
   }
   /// All cameras but one of a target are left out: for a search camera by camera.
   void leave_out_other_cameras(std::size_t target, int cameras, int camera) {
@@ -93,7 +95,7 @@ class duplicate_snapshot {
             covariances_.empty() ? nullptr : covariances_.data()};
   }
   const list_of<point>& points() const { return points_; }
-  /// What find_duplicates() takes: [camera][point].
+  /// What find_duplicates() takes: [camera][point]. \param target  counted from the first that was marked
   span<const std::uint8_t> skip(std::size_t target) const {
     return {skip_.data() + begin_[target], begin_[target + 1] - begin_[target]};
   }

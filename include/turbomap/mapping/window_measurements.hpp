@@ -19,6 +19,7 @@
 #include "../math/scale_table.hpp"
 #include "../plain_vector.hpp"
 #include "adjustment_window.hpp"
+#include "in_pieces.hpp"
 #include "stage.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -36,21 +37,11 @@ class window_measurements {
   /// Waits for the end. \param scales  information of a keypoint: scale_factor^(-2 octave) px^-2
   /// \throws std::invalid_argument  a keypoint that the keyframe in the store does not have; more than 256 cameras
   void gather(const mapping_scope<Map, Policy>& s, const adjustment_window<Map>& window, const pyramid& scales) {
-    const auto pinned = s.store.pin(s.ctx, span<const keyframe_handle>(window.frames().handles()));
-    const std::size_t frames = window.frames().size(), rows = window.row_count();
-    views_.clear();
-    int most = 1;
-    for (std::size_t f = 0; f < frames; ++f) {
-      views_.push_back(pinned[f]);
-      most = pinned[f].camera_count > most ? pinned[f].camera_count : most;
-    }
-    for (std::size_t r = 0; r < rows; ++r) {
-      const auto row = window.at(r);
-      require(row.keypoint < views_[static_cast<std::size_t>(row.frame)].keypoint_count, "keypoint", row.keypoint,
-              "is not a keypoint of the keyframe in the store");
-    }
-    fetch(s.ctx, window, scales, most);
-    list_cameras(most);
+    const std::size_t rows = window.row_count();
+    pixel_.resize(rows), information_.resize(rows), camera_.resize(rows);
+    cameras_.clear(), first_camera_.clear(), starts_.clear();
+    in_pieces(window.frames().size(),
+              [&](std::size_t begin, std::size_t end) { gather_frames(s, window, scales, begin, end); });
     for (std::size_t r = 0; r < rows; ++r) {
       const std::size_t camera = first_camera_[static_cast<std::size_t>(window.frame_of_row()[r])] + camera_[r];
       camera_[r] = static_cast<std::uint8_t>(camera);
@@ -66,9 +57,48 @@ class window_measurements {
   }
 
  private:
+  /// The rows of frames [begin, end): of all, if there is room for them.
+  void gather_frames(const mapping_scope<Map, Policy>& s, const adjustment_window<Map>& window, const pyramid& scales,
+                     std::size_t begin, std::size_t end) {
+    const auto pinned =
+        s.store.pin(s.ctx, span<const keyframe_handle>(window.frames().handles().data() + begin, end - begin));
+    views_.clear();
+    int most = 1;
+    for (std::size_t f = 0; f < end - begin; ++f) {
+      views_.push_back(pinned[f]);
+      most = pinned[f].camera_count > most ? pinned[f].camera_count : most;
+    }
+    const bool all = end - begin == window.frames().size();
+    place_.clear(), frame_.clear(), keypoint_.clear();
+    for (std::size_t r = 0; r < window.row_count(); ++r) {
+      const auto row = window.at(r);
+      const std::size_t f = static_cast<std::size_t>(row.frame) - begin;  // wraps where it is before the first
+      if (f >= views_.size()) continue;
+      require(row.keypoint < views_[f].keypoint_count, "keypoint", row.keypoint,
+              "is not a keypoint of the keyframe in the store");
+      if (all) continue;
+      place_.push_back(r), frame_.push_back(static_cast<std::int32_t>(f)), keypoint_.push_back(row.keypoint);
+    }
+    if (all) {
+      fetch(s.ctx, window.frame_of_row(), window.keypoint_of_row(), scales, most, pixel_.data(), information_.data(),
+            camera_.data());
+    } else {
+      const std::size_t rows = place_.size();
+      piece_pixel_.resize(rows), piece_information_.resize(rows), piece_camera_.resize(rows);
+      fetch(s.ctx, frame_, keypoint_, scales, most, piece_pixel_.data(), piece_information_.data(),
+            piece_camera_.data());
+      for (std::size_t i = 0; i < rows; ++i) {
+        const std::size_t r = place_[i];
+        pixel_[r] = piece_pixel_[i], information_[r] = piece_information_[i], camera_[r] = piece_camera_[i];
+      }
+    }
+    list_cameras(most);
+  }
   /// The launches, and their results on the host.
-  void fetch(context<Policy>& ctx, const adjustment_window<Map>& window, const pyramid& scales, int most) {
-    const std::size_t frames = views_.size(), rows = window.row_count();
+  void fetch(context<Policy>& ctx, const plain_vector<std::int32_t>& frame_of_row,
+             const plain_vector<std::int32_t>& keypoint_of_row, const pyramid& scales, int most, vec3<double>* pixel,
+             double* information, std::uint8_t* camera_of_row) {
+    const std::size_t frames = views_.size(), rows = frame_of_row.size();
     const std::size_t cameras = frames * static_cast<std::size_t>(most);
     float scale[scale_table_size], sigma2[scale_table_size];
     fill_scales(scales, scale, sigma2);
@@ -79,8 +109,8 @@ class window_measurements {
     const auto table = inputs.template place<float>(scale_table_size);
     const upload_block block = ctx.begin_upload(inputs_, inputs.bytes());
     views.copy(block, views_.data());
-    frame.copy(block, window.frame_of_row().data());
-    keypoint.copy(block, window.keypoint_of_row().data());
+    frame.copy(block, frame_of_row.data());
+    keypoint.copy(block, keypoint_of_row.data());
     table.copy(block, sigma2);
     ctx.send(block, inputs.bytes());
 
@@ -95,17 +125,15 @@ class window_measurements {
     fill_bytes(ctx.policy(), rigs, 0, cameras * sizeof(rig_camera<camera>));  // rigs with fewer cameras leave places
     launch_gather_measurements(ctx.policy(), static_cast<int>(rows), out);
     launch_gather_rigs(ctx.policy(), static_cast<int>(frames), out.frames, rigs, most);
-    pixel_.resize(rows), information_.resize(rows), camera_.resize(rows), rigs_.resize(cameras);
-    copy_out(ctx.policy(), pixel_.data(), out.pixel, rows * sizeof(vec3<double>));
-    copy_out(ctx.policy(), information_.data(), out.information, rows * sizeof(double));
-    copy_out(ctx.policy(), camera_.data(), out.camera, rows);
+    rigs_.resize(cameras);
+    copy_out(ctx.policy(), pixel, out.pixel, rows * sizeof(vec3<double>));
+    copy_out(ctx.policy(), information, out.information, rows * sizeof(double));
+    copy_out(ctx.policy(), camera_of_row, out.camera, rows);
     copy_out(ctx.policy(), static_cast<void*>(rigs_.data()), rigs, cameras * sizeof(rig_camera<camera>));
     ctx.synchronize();
   }
   /// Each rig once: keyframes of one system share theirs.
   void list_cameras(int most) {
-    cameras_.clear(), first_camera_.clear();
-    starts_.clear();
     for (std::size_t f = 0; f < views_.size(); ++f) {
       const rig_camera<camera>* mine = rigs_.data() + f * static_cast<std::size_t>(most);
       const auto count = static_cast<std::size_t>(views_[f].camera_count);
@@ -134,7 +162,13 @@ class window_measurements {
   };
 
   array<std::byte, memory_of_t<Policy>> inputs_;
-  list_of<view> views_;
+  list_of<view> views_;  ///< of the frames that are gathered at a time
+  // Where those are not all: their rows, the numbers of their frames among them, and results.
+  plain_vector<std::size_t> place_;
+  plain_vector<std::int32_t> frame_, keypoint_;
+  plain_vector<vec3<double>> piece_pixel_;
+  plain_vector<double> piece_information_;
+  plain_vector<std::uint8_t> piece_camera_;
   plain_vector<vec3<double>> pixel_;
   plain_vector<double> information_;
   plain_vector<std::uint8_t> camera_;
