@@ -103,6 +103,7 @@ using float64_methods = turbomap::adjustment_methods<turbomap::adjustment_method
 /// Options of an adjustment that is compared with an oracle.
 inline turbomap::adjustment_options in_float64() {
   turbomap::adjustment_options options;
+  options.damping = turbomap::damping_rule::identity;
   options.numbers = turbomap::precision::float64;
   return options;
 }

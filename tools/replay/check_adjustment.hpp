@@ -58,7 +58,7 @@ class adjustment_check {
     if (!s || s->inertial) return;
     const auto problem = turbomap_bundle::recorded_problem<camera>(recording_.meta, *s);
     turbomap::adjustment_options options;
-    options.numbers = numbers_;
+    options.numbers = numbers_, options.damping = turbomap::damping_rule::identity;  // the peer's
     options.max_iterations = s->iterations, options.initial_lambda = s->initial_lambda;
     const auto ours = turbomap_bundle::solve_rig(policy_, repeat_, options, problem);
 

@@ -64,6 +64,7 @@ int for_each_recorded_problem(const turbomap::recording& r, const std::filesyste
     if (!s || s->inertial) continue;
     CAPTURE(iteration);
     turbomap::adjustment_options options;
+    options.damping = turbomap::damping_rule::identity;  // the peer's
     options.numbers = turbomap::precision::float64;
     options.max_iterations = s->iterations, options.initial_lambda = s->initial_lambda;
     run(turbomap_bundle::recorded_problem<camera>(r.meta, *s), options);

@@ -59,6 +59,7 @@ struct adjustment_camera {
   double bf;
   double correlation;  ///< of the errors of u and u_right
   double whitening;    ///< 1 / sqrt(1 - correlation^2)
+  double nearest = 0;  ///< rows closer than this are not defined, in units of the map
   bool straight;       ///< a pinhole: computed in packs
   bool round;          ///< a Kannala-Brandt camera: the same
   bool is_body;        ///< T_camera_body is the identity

@@ -9,8 +9,10 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 #include "../config.hpp"
+#include "../error.hpp"
 #include "../plain_vector.hpp"
 #include "structure.hpp"
 
@@ -46,9 +48,36 @@ class block_finder {
     s.block_pair.assign(1, 0), s.block_factor.assign(1, 0);
   }
 
+  /// Pairs of slots of one landmark: what find() would list. O(landmarks).
+  static std::int64_t count_pairs(const adjustment_structure& s) {
+    std::int64_t pairs = 0;
+    for (std::int32_t l = 0; l < s.landmarks; ++l) {
+      const std::int64_t slots = s.landmark_slot[at(l) + 1] - s.landmark_slot[at(l)];
+      pairs += slots * (slots - 1) / 2;
+    }
+    return pairs;
+  }
+  /// Blocks that find() would find, without their lists. O(pairs).
+  std::int64_t count_blocks(const adjustment_structure& s) {
+    list_factor_columns(s);
+    shared_.assign(at(s.free_frames), -1);  // the last row that had this column
+    std::int64_t blocks = 0;
+    for (std::int32_t i = 0; i < s.free_frames; ++i) {
+      const auto touch = [&](std::int32_t j) { blocks += shared_[at(j)] == i ? 0 : 1, shared_[at(j)] = i; };
+      for_each_pair(s, i, [&](std::int32_t, std::int32_t t) { touch(s.slot_frame[at(t)]); });
+      for (std::int32_t k = factor_begin_[at(i)]; k < factor_begin_[at(i) + 1]; ++k)
+        touch(factor_column_[at(factor_order_[at(k)])]);
+    }
+    return blocks;
+  }
+
   /// The blocks: for each free frame the later ones that share a landmark or a factor with it. Not needed by solvers that
   /// never form the reduced matrix. O(pairs).
+  /// \throws std::invalid_argument  more pairs than an index can count
   void find(adjustment_structure& s) {
+    const std::int64_t pairs = count_pairs(s);
+    require(pairs <= std::numeric_limits<std::int32_t>::max(), "pairs of observations of one landmark", pairs,
+            "are too many for this solver: take pcg");
     clear(s);
     list_factor_columns(s);
     const std::size_t n = at(s.free_frames);

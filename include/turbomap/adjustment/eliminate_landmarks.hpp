@@ -32,6 +32,21 @@ struct scale_of_landmarks {
   }
 };
 
+/// Index = landmark: what a step along its gradient alone would gain, element by element: the sum of b^2 / h.
+template <class A>
+struct gain_of_landmarks {
+  schur_view<A> s;
+  double* gain;
+
+  TURBOMAP_HD void operator()(int l) const {
+    double h[9], sum = 0;
+    detail::sum_rows(s, l, h);
+    const double diagonal[3] = {h[0], h[2], h[5]};
+    for (int i = 0; i < 3; ++i) sum += diagonal[i] > 0 ? h[6 + i] * h[6 + i] / diagonal[i] : 0;
+    gain[l] = s.moves(l) ? sum : 0;
+  }
+};
+
 /// Index = landmark: factorises its block, damped, and takes its couplings through the factor.
 template <class A, int V>
 struct eliminate_landmarks {
@@ -98,6 +113,12 @@ struct eliminate_landmarks {
 template <class Derived, class A>
 void launch_scale_landmarks(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s, double* diagonal) {
   for_each_index(derived(policy), s.landmarks, scale_of_landmarks<A>{s, diagonal});
+}
+
+/// The sum of b^2 / h of each landmark.
+template <class Derived, class A>
+void launch_measure_gains(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s, double* gain) {
+  for_each_index(derived(policy), s.landmarks, gain_of_landmarks<A>{s, gain});
 }
 
 template <int V, class Derived, class A>

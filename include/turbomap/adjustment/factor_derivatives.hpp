@@ -11,6 +11,7 @@
 
 #include "../config.hpp"
 #include "../math/dual.hpp"
+#include "../math/functions.hpp"
 #include "../types.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -111,6 +112,13 @@ TURBOMAP_HD double squared_length(const double* e) {
   double s = 0;
   for (int k = 0; k < Size; ++k) s += e[k] * e[k];
   return s;
+}
+
+/// Whether n numbers are finite.
+TURBOMAP_HD inline bool all_finite(const double* x, int n) {
+  for (int i = 0; i < n; ++i)
+    if (!is_finite(x[i])) return false;
+  return true;
 }
 
 /// Adds the lower triangle of d^T w d to H and -d^T w e to b, d of `Size` rows and n columns.

@@ -61,6 +61,7 @@ struct cost_sums {
 
 /// Where the sums of one group begin, and which of the groups with landmarks it is.
 struct group_place {
+  double distance = 0;  ///< typical one of a landmark from a frame that sees it, in units of the map
   int landmark_group = 0;
   int first_chunk = 0;           ///< among those of all groups
   int first_cost = 0;            ///< of a group of factors of frames

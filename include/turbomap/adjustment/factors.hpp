@@ -57,6 +57,9 @@ struct reprojections {
   /// sigma 1, so that a step does not gain by making rows undefined. Pinholes are undefined in their focal plane only: rows
   /// behind them keep the error of the formula, as in g2o and Ceres.
   double undefined_chi2 = 1e6;
+  /// A row nearer to its camera (a pinhole: to its focal plane) than this part of the median distance of rows is undefined:
+  /// its derivatives, f / distance, would drown those of all others. Ours: 5 mm in a scene of 5 m.
+  double nearest = 1e-3;
 };
 
 /// [ORB-SLAM3]'s kernels on reprojections: Huber, 95 % of chi-square with two and three degrees of freedom.

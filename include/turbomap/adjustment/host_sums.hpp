@@ -27,6 +27,17 @@ TURBOMAP_ONE_BODY inline double dot_in_order(const double* a, const double* b, s
   return start;
 }
 
+/// start + the sum of b^2 / h, where h is the diagonal of the lower triangles H of D unknowns per frame.
+template <int D>
+TURBOMAP_ONE_BODY double gain_in_order(const double* H, const double* b, std::size_t n, double start) {
+  constexpr std::size_t triangle = D * (D + 1) / 2;
+  for (std::size_t i = 0; i < n; ++i) {
+    const double h = H[i / D * triangle + (i % D) * (i % D + 3) / 2];
+    start += h > 0 ? b[i] * b[i] / h : 0;
+  }
+  return start;
+}
+
 /// start + the sum of damping(h) x^2, where h is the diagonal of the lower triangles H of D unknowns per frame.
 template <int D>
 TURBOMAP_ONE_BODY double damped_square(const damping& damping, const double* H, const double* x, std::size_t n,

@@ -62,9 +62,9 @@ class levenberg_marquardt {
     if (!detail::is_finite(cost)) return adjustment_end::not_finite;
     summary_.undefined = equations_.undefined();
     if (data_.structure.free_frames == 0 && !landmarks_move()) return adjustment_end::nothing_free;
-    if (choose<Solvers>(false) != reduced_solver::pcg) equations_.need_blocks(ctx_);
+    const reduced_solver chosen = choose<Solvers>();
+    if (chosen != reduced_solver::pcg) equations_.need_blocks(ctx_);
     const schur_view<A>& s = equations_.view();
-    const reduced_solver chosen = choose<Solvers>(true);
     if constexpr (Solvers::has(reduced_solver::dense))
       if (chosen == reduced_solver::dense)
         return iterate(detail::step_solver_of<Policy, cholesky_solver<A, V, D, dense_system<D>>>(
@@ -89,9 +89,8 @@ class levenberg_marquardt {
       if (i > 0 && out_of_time()) return adjustment_end::time_budget;
       equations_.linearise(ctx_);
       if (i == 0 && !(control.lambda > 0)) {
-        const double largest = equations_.largest_diagonal(ctx_);
-        control.lambda = options_.initial_lambda_scale * (options_.damping == damping_rule::diagonal ? 1 : largest);
-        if (!(largest > 0)) return adjustment_end::converged;  // no factor depends on anything
+        control.lambda = first_lambda();
+        if (!(largest_ > 0)) return adjustment_end::converged;  // no factor depends on anything
       }
       ++summary_.iterations;
       const double before = cost;
@@ -104,6 +103,12 @@ class levenberg_marquardt {
       if (options_.min_relative_decrease > 0 && slow >= options_.slow_iterations) return adjustment_end::converged;
     }
     return adjustment_end::max_iterations;
+  }
+
+  /// The damping that the options stand for where they give none.
+  double first_lambda() {
+    if (largest_ < 0) largest_ = equations_.largest_diagonal(ctx_);
+    return options_.initial_lambda_scale * (options_.damping == damping_rule::diagonal ? 1 : largest_);
   }
 
   /// What retry() returns where the adjustment goes on.
@@ -119,8 +124,14 @@ class levenberg_marquardt {
       it.linear_iterations += step.iterations;
       if (step.solved) {
         factorised = true;
-        if (!(predicted > options_.min_predicted_decrease * cost) && detail::is_finite(predicted))
-          return adjustment_end::converged;
+        if (!(predicted > options_.min_predicted_decrease * cost) && detail::is_finite(predicted)) {
+          // The step promises nothing: no gradient is left, or too much damping.
+          if (!(equations_.gradient_gain(ctx_) > options_.min_predicted_decrease * cost))
+            return adjustment_end::converged;
+          if (it.steps > 1 || !(control.lambda > first_lambda())) return adjustment_end::no_descent;
+          control.lambda = first_lambda();
+          continue;
+        }
         const double after = equations_.evaluate(ctx_, data_.estimate.trial());
         if (control.accepts(cost, after, predicted)) {
           cost = after;
@@ -181,16 +192,17 @@ class levenberg_marquardt {
   /// The solver that `automatic` stands for, among those of the program. A matrix with few empty blocks gains nothing from
   /// sparsity.
   template <class Solvers>
-  reduced_solver choose(bool blocks_known) const {
+  reduced_solver choose() {
     if (options_.solver != reduced_solver::automatic) return options_.solver;
     constexpr bool dense = Solvers::has(reduced_solver::dense), sparse = Solvers::has(reduced_solver::sparse);
     constexpr bool pcg = Solvers::has(reduced_solver::pcg);
     const int unknowns = data_.structure.free_frames * D;
-    if (dense && (unknowns <= options_.dense_limit || !(sparse || pcg))) return reduced_solver::dense;
+    const bool lists_fit = !pcg || block_finder::count_pairs(data_.structure) <= options_.pair_limit;
+    if (dense && lists_fit && (unknowns <= options_.dense_limit || !(sparse || pcg))) return reduced_solver::dense;
     if (!pcg) return sparse ? reduced_solver::sparse : reduced_solver::dense;
-    if (!sparse || unknowns > options_.sparse_limit) return reduced_solver::pcg;
-    const double f = data_.structure.free_frames, blocks = static_cast<double>(data_.structure.block_row.size());
-    return blocks_known && blocks > options_.sparse_fill * f * f / 2 ? reduced_solver::pcg : reduced_solver::sparse;
+    if (!sparse || !lists_fit || unknowns > options_.sparse_limit) return reduced_solver::pcg;
+    const double f = data_.structure.free_frames, blocks = static_cast<double>(data_.count_blocks());
+    return blocks > options_.sparse_fill * f * f / 2 ? reduced_solver::pcg : reduced_solver::sparse;
   }
 
   context<Policy>& ctx_;
@@ -200,6 +212,7 @@ class levenberg_marquardt {
   normal_equations<Data, G, A> equations_;
   adjustment_summary summary_;
   double* gains_ = nullptr;
+  double largest_ = -1;  ///< of the diagonal, at the first look; -1: not looked at
 };
 
 /// Adjusts a problem: moves its free frames and landmarks to where the sum of rho(chi2) of all factors is least. One

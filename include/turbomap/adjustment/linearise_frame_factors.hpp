@@ -51,7 +51,8 @@ struct linearise_frame_factors {
     else
       defined = linearise<Frame>(group.factor, states[group.first[i]], group.rows[i], e, d[0]);
     const double chi2 = defined ? detail::squared_length<size>(e) : 0;
-    const bool use = defined && detail::is_finite(chi2);
+    bool use = defined && detail::is_finite(chi2);
+    for (int side = 0; side < sides; ++side) use = use && detail::all_finite(d[side], size * D);
     if (use) group.kernel(chi2, rho, w);
     for (int side = 0; side < sides; ++side) {
       double* out =

@@ -55,7 +55,8 @@ struct linearise_landmark_factors {
       const bool defined = linearise<Frame>(group.factor, states[c.frame], group.point(landmarks, i), group.rows[i], e,
                                             d_frame, d_landmark);
       const double chi2 = defined ? detail::squared_length<size>(e) : 0;
-      if (defined && detail::is_finite(chi2)) {
+      if (defined && detail::is_finite(chi2) && detail::all_finite(d_frame, size * V) &&
+          detail::all_finite(d_landmark, size * 3)) {
         group.kernel(chi2, rho, w);
         detail::add_normal_equations<size>(d_landmark, e, w, 3, h, h + 6);
         if (c.free >= 0) detail::add_normal_equations<size>(d_frame, e, w, V, total, total + block::triangle);

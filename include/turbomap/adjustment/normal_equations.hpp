@@ -96,6 +96,19 @@ class normal_equations {
     return largest;
   }
 
+  /// What is left to gain, whatever the damping: the sum of b^2 / h over all unknowns, h being the diagonal of H. 0 at an
+  /// optimum; free of the units of the unknowns.
+  template <class Policy>
+  double gradient_gain(context<Policy>& ctx) {
+    launch_measure_gains(ctx.policy(), s_, scales_);
+    const auto landmarks = static_cast<std::size_t>(s_.landmarks), frames = static_cast<std::size_t>(s_.free_frames);
+    auto& w = data_.workspace;
+    const double gain = detail::sum_in_order(on_host(ctx, scales_, landmarks, w.sums), landmarks);
+    const double* b = on_host(ctx, s_.b, frames * D, w.sums);
+    return detail::gain_in_order<D>(on_host(ctx, s_.H, frames * frame_block<D>::triangle, w.matrix), b, frames * D,
+                                    gain);
+  }
+
  private:
   Data& data_;
   schur_view<A> s_{};

@@ -33,15 +33,15 @@ inline constexpr double default_pivot_tolerance = 1e-13;
 
 /// What is added to the normal equations H to make a step shorter.
 enum class damping_rule : std::uint8_t {
-  identity,  ///< H + lambda I [g2o]: unknowns of one scale, as in a local window
-  diagonal   ///< H + lambda diag(H) [Marquardt 1963; Ceres]: unknowns of many scales, as focal lengths or far points
+  identity,  ///< H + lambda I [g2o]: depends on the units; local_adjustment's rule, that of [ORB-SLAM3]
+  diagonal   ///< H + lambda diag(H) [Marquardt 1963; Ceres]: unknowns of any units and scales
 };
 
-/// Options of adjust(). Defaults are those of [ORB-SLAM3]'s local adjustment where it has them.
+/// Options of adjust(). Defaults are those of [ORB-SLAM3]'s local adjustment where it has them, but for the damping.
 struct adjustment_options {
   int max_iterations = 10;  ///< linearisations
   int max_retries = 10;     ///< larger dampings tried on one linearisation (g2o)
-  damping_rule damping = damping_rule::identity;
+  damping_rule damping = damping_rule::diagonal;
   double initial_lambda = 0;           ///< damping at the start; 0: by initial_lambda_scale
   double initial_lambda_scale = 1e-5;  ///< tau [Nielsen 1999; g2o], times the largest diagonal element under `identity`
   double min_relative_decrease = 0;    ///< an iteration that gains less (relative to the cost) is a slow one; 0: never
@@ -51,9 +51,12 @@ struct adjustment_options {
   const std::atomic<bool>* stop = nullptr;  ///< looked at between steps; honoured within one iteration
   precision numbers = precision::mixed;
   reduced_solver solver = reduced_solver::automatic;
-  int dense_limit = 1200;      ///< unknowns up to which `automatic` takes the dense solver
-  int sparse_limit = 12000;    ///< unknowns up to which it takes the sparse one
-  double sparse_fill = 0.3;    ///< ... unless more than this part of the blocks exist: then pcg
+  int dense_limit = 1200;    ///< unknowns up to which `automatic` takes the dense solver
+  int sparse_limit = 12000;  ///< unknowns up to which it takes the sparse one
+  double sparse_fill = 0.3;  ///< ... unless more than this part of the blocks exist: then pcg
+  /// Dense and sparse list all pairs of frames that see one landmark, 8 bytes each. `automatic` takes pcg beyond so many.
+  /// Ours: half a GiB.
+  std::int64_t pair_limit = std::int64_t{1} << 26;
   double pcg_tolerance = 0.1;  ///< relative residual at which conjugate gradients stop: inexact steps [Ceres: eta]
   int pcg_max_iterations = 500;
 };

@@ -28,6 +28,7 @@ void require_options(const adjustment_options& o) {
           "must not be negative");
   require(o.slow_iterations > 0, "options.slow_iterations", o.slow_iterations, "must be positive");
   require(o.pcg_tolerance > 0, "options.pcg_tolerance", o.pcg_tolerance, "must be positive");
+  require(o.pair_limit >= 0, "options.pair_limit", o.pair_limit, "must not be negative");
   require(o.pcg_max_iterations > 0, "options.pcg_max_iterations", o.pcg_max_iterations, "must be positive");
   require(o.solver == reduced_solver::automatic || Methods::solvers::has(o.solver), "options.solver",
           to_string(o.solver), "is not compiled: name it in the methods of adjust()");

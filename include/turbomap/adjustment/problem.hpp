@@ -45,7 +45,7 @@ class basic_bundle_problem {
 
   /// Takes a problem, in place of the one before. Indices of frames and landmarks are places in the two inputs; nothing of
   /// the inputs is kept. O(observations), and in adjust() once O(pairs of frames that see one landmark).
-  /// \throws std::invalid_argument  an index or a size is wrong; the problem is as it was. (std::bad_alloc: it is empty.)
+  /// \throws std::invalid_argument  an index, a size or a kernel is wrong, or a quaternion not of unit length; the problem is as it was. (std::bad_alloc: it is empty.)
   /// Numbers that are not finite are not refused here: adjust() then ends with adjustment_end::not_finite.
   template <class Policy>
   void assign(context<Policy>& ctx, const frame_input<Frame>& frames, const landmark_input& landmarks,
@@ -56,7 +56,7 @@ class basic_bundle_problem {
     try {
       build_structure(frames, landmarks, groups...);
       group_place place;
-      place.first_cost = data_.structure.partials;
+      place.first_cost = data_.structure.partials, place.distance = median_distance(frames, landmarks);
       std::apply([&](auto&... g) { (g.assign(ctx.policy(), groups, data_.structure, place), ...); }, data_.groups);
       upload_state(ctx, frames, landmarks);
       data_.lists.send_sums(ctx.policy(), data_.structure);
@@ -129,6 +129,9 @@ class basic_bundle_problem {
   data_type& data() { return data_; }
 
  private:
+  /// Quaternions in float, many times composed, are off by some 1e-6: factors of the user's own see them as they are.
+  static constexpr double unit_tolerance = 1e-3;
+
   /// \return whether all numbers are finite
   static bool check(const frame_input<Frame>& frames, const landmark_input& landmarks, const Groups&... groups) {
     require(frames.fixed.empty() || frames.fixed.size() == frames.states.size(), "frames.fixed.size()",
@@ -143,6 +146,9 @@ class basic_bundle_problem {
       finite = finite && detail::is_finite(p.x) && detail::is_finite(p.y) && detail::is_finite(p.z);
     for (const auto& x : frames.states) {
       const auto& T = Frame::template pose<double>(x);
+      const double square = T.qx * T.qx + T.qy * T.qy + T.qz * T.qz + T.qw * T.qw;
+      require(!detail::is_finite(square) || (square > 1 - unit_tolerance && square < 1 + unit_tolerance),
+              "frames.states: squared norm of a quaternion", square, "must be 1");
       finite = finite && detail::is_finite(T.qx + T.qy + T.qz + T.qw) && detail::is_finite(T.tx + T.ty + T.tz);
     }
     return finite;
@@ -155,6 +161,29 @@ class basic_bundle_problem {
                     span<const landmark_group_input>(inputs_.landmark_groups),
                     span<const frame_group_input>(inputs_.frame_groups), observation_shape<Memory>::chunk},
                    data_.structure);
+  }
+
+  /// Of the landmarks from the frames that see them: the median over rows that are spread evenly. 0: there are none.
+  double median_distance(const frame_input<Frame>& frames, const landmark_input& landmarks) {
+    constexpr std::size_t sample = 256;  // the median of so many is within 10 % of the ranks of the true one
+    std::size_t rows = 0, at = 0;
+    for (const auto& g : inputs_.landmark_groups) rows += g.frame.size();
+    const std::size_t step = rows / sample + 1;
+    staging_.clear();
+    for (const auto& g : inputs_.landmark_groups) {
+      for (; at < g.frame.size(); at += step) {
+        const auto& T = Frame::template pose<double>(frames.states[static_cast<std::size_t>(g.frame[at])]);
+        const vec3<double> p = to_isometry<double>(T) * landmarks.positions[static_cast<std::size_t>(g.landmark[at])];
+        const double distance = norm(p);
+        if (!detail::is_finite(distance)) continue;
+        staging_.push_back(distance);  // sorted as they come
+        for (std::size_t i = staging_.size() - 1; i > 0 && staging_[i - 1] > distance; --i)
+          staging_[i] = staging_[i - 1], staging_[i - 1] = distance;
+      }
+      at -= g.frame.size();
+    }
+    if (staging_.empty()) return 0;
+    return staging_[staging_.size() / 2];
   }
 
   template <class Policy>

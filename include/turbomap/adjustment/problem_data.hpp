@@ -85,6 +85,7 @@ struct problem_data {
     if (!blocks_sent_) lists.send_blocks(policy, structure);
     blocks_sent_ = true;
   }
+  std::int64_t count_blocks() { return finder_.count_blocks(structure); }
   /// After a change of the structure.
   void forget_blocks() { blocks_known_ = blocks_sent_ = workspace.analysed = false; }
 

@@ -52,8 +52,9 @@ struct lane_reprojection {
     } else {
       bool done = false;
       if constexpr (N > 1 && may_be_kannala_brandt_v<Camera>)
-        done = c.round && round<Derivative>(c.fisheye, p, measured);
-      if (!done) curved<Derivative>(c, p, measured, z);
+        done = c.round && round<Derivative>(c.fisheye, static_cast<G>(c.nearest), p, measured);
+      if (!done) curved<Derivative>(c, p, measured);
+      if constexpr (Stereo) away_from_plane(static_cast<G>(c.nearest), z);
     }
     if constexpr (Stereo) {  // u_right = u - bf / z
       const pack<G, N> iz = pack<G, N>(G(1)) / z, disparity = pack<G, N>(static_cast<G>(c.bf)) * iz;
@@ -80,12 +81,13 @@ struct lane_reprojection {
   }
 
  private:
-  /// Undefined within 1e-6 rad of the focal plane: numbers would overflow there.
+  /// Undefined within 1e-6 rad of the focal plane, and nearer to it than c.nearest: numbers would overflow there.
   template <bool Derivative, class Camera>
   TURBOMAP_HD void straight(const adjustment_camera<Camera>& c, const vec3<pack<G, N>>& p,
                             const vec3<pack<G, N>>& measured, pack<G, N>& z) {
     using P = pack<G, N>;
-    const P one(G(1)), size = larger(p.x, -p.x) + larger(p.y, -p.y), limit = P(G(1e-6)) * size, depth = larger(z, -z);
+    const P one(G(1)), size = larger(p.x, -p.x) + larger(p.y, -p.y), depth = larger(z, -z);
+    const P limit = multiply_add(P(G(1e-6)), size, P(static_cast<G>(c.nearest)));
     defined = select_greater(depth, limit, one, P(G(0)));
     z = select_greater(depth, limit, z, one);
     const P iz = one / z, x = select_greater(depth, limit, p.x * iz, P(G(0)));
@@ -101,10 +103,19 @@ struct lane_reprojection {
     }
   }
 
-  /// The formulas of kannala_brandt. False where a lane is on the optical axis or may be beyond a fold of the polynomial:
-  /// then all are left to the functions of the camera.
+  /// A right image has no disparity in the plane z = 0.
+  TURBOMAP_HD void away_from_plane(G nearest, pack<G, N>& z) {
+    using P = pack<G, N>;
+    const P limit(nearest), depth = larger(z, -z);
+    defined = select_greater(depth, limit, defined, P(G(0)));
+    z = select_greater(depth, limit, z, P(G(1)));
+  }
+
+  /// The formulas of kannala_brandt. False where a lane is on the optical axis, too near, or may be beyond a fold of the
+  /// polynomial: then all are left to the functions of the camera.
   template <bool Derivative>
-  TURBOMAP_HD bool round(const kannala_brandt<double>& c, const vec3<pack<G, N>>& p, const vec3<pack<G, N>>& measured) {
+  TURBOMAP_HD bool round(const kannala_brandt<double>& c, G nearest, const vec3<pack<G, N>>& p,
+                         const vec3<pack<G, N>>& measured) {
     using P = pack<G, N>;
     const G k[4] = {static_cast<G>(c.k1), static_cast<G>(c.k2), static_cast<G>(c.k3), static_cast<G>(c.k4)};
     const P one(G(1)), zero(G(0)), r2 = p.x * p.x + p.y * p.y, z2 = p.z * p.z;
@@ -116,7 +127,8 @@ struct lane_reprojection {
       least = multiply_add(least, q, P(G(2 * i + 3) * (k[i] < 0 ? k[i] : 0)));
     }
     factor = multiply_add(factor, q, one), slope = multiply_add(slope, q, one), least = multiply_add(least, q, one);
-    const P doubtful = select_greater(least, zero, select_greater(r2, P(G(1e-6)) * z2, zero, one), one);
+    const P far = select_greater(r2 + z2, P(nearest * nearest), zero, one);
+    const P doubtful = select_greater(least, zero, select_greater(r2, P(G(1e-6)) * z2, far, one), one);
     if (sum(doubtful) > 0) return false;
     const P scale = angle * factor / r;
     e[0] = multiply_add(P(static_cast<G>(c.fx)) * scale, p.x, P(static_cast<G>(c.cx))) - measured.x;
@@ -136,7 +148,7 @@ struct lane_reprojection {
 
   template <bool Derivative, class Camera>
   TURBOMAP_HD void curved(const adjustment_camera<Camera>& c, const vec3<pack<G, N>>& p,
-                          const vec3<pack<G, N>>& measured, pack<G, N>& z) {
+                          const vec3<pack<G, N>>& measured) {
     G x[N], y[N], depth[N], u[N], v[N], ok[N];
     A slope[6][N];
     p.x.store(x), p.y.store(y), p.z.store(depth), measured.x.store(u), measured.y.store(v);
@@ -149,16 +161,17 @@ struct lane_reprojection {
         good = project_with_derivative(c.camera, q, pixel, D);
       else
         good = c.camera.project(q, pixel);
+      good = good && dot(q, q) > c.nearest * c.nearest;
+      for (int k = 0; Derivative && k < 6; ++k) good = good && detail::is_finite(D.m[k]);
       ok[l] = good ? G(1) : G(0);
       u[l] = static_cast<G>(pixel.x - static_cast<double>(u[l])),
       v[l] = static_cast<G>(pixel.y - static_cast<double>(v[l]));
-      if (!good || depth[l] == G(0)) depth[l] = G(1);  // used where there is a right image only
+      if (!good) u[l] = v[l] = G(0), D = {};
       if constexpr (Derivative)
         for (int k = 0; k < 6; ++k) slope[k][l] = static_cast<A>(D.m[k]);
     }
     e[0] = pack<G, N>::load(u), e[1] = pack<G, N>::load(v);
     defined = pack<G, N>::load(ok);
-    z = pack<G, N>::load(depth);
     if constexpr (Derivative)
       for (int k = 0; k < 6; ++k) d[k / 3][k % 3] = pack<A, N>::load(slope[k]);
   }

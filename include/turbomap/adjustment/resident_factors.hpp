@@ -31,6 +31,8 @@ class resident_group<landmark_factors<Factor, Kernel>, Frame, Memory> {
     require(g.rows.size() == g.frame.size(), "rows.size()", g.rows.size(), "must be that of frame");
     detail::require_indices(g.frame, frames, "frame");
     detail::require_indices(g.landmark, landmarks, "landmark");
+    detail::require_kernel(g.kernel, "kernel");
+    detail::require_undefined_chi2(g.undefined_chi2);
     return true;
   }
   void describe(const group_type& g, structure_inputs& to) {
@@ -98,6 +100,8 @@ class resident_frame_group {
     const auto [first, second] = frames_of(g);
     require(g.rows.size() == first.size(), "rows.size()", g.rows.size(), "must be the number of factors");
     require_indices(first, frames, Pair ? "first" : "frame");
+    require_kernel(g.kernel, "kernel");
+    require_undefined_chi2(g.undefined_chi2);
     if (!Pair) return true;
     require(second.size() == first.size(), "second.size()", second.size(), "must be that of first");
     require_indices(second, frames, "second");

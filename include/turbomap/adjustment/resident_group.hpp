@@ -13,6 +13,7 @@
 #include "../plain_vector.hpp"
 #include "../span.hpp"
 #include "factor_sums.hpp"
+#include "robust.hpp"
 #include "structure.hpp"
 #include "structure_builder.hpp"
 #include "uploaded.hpp"
@@ -67,6 +68,31 @@ namespace detail {
 
 inline void require_indices(span<const std::int32_t> index, int end, const char* name) {
   for (const auto i : index) require(i >= 0 && i < end, name, i, "is no such frame or landmark");
+}
+
+/// What a kernel must give, whatever it is: cost and weight of any error.
+template <class Kernel>
+void require_kernel(const Kernel& kernel, const char* argument) {
+  for (const double chi2 : {0.0, 1.0, 1e6}) {
+    double rho = 0, weight = 0;
+    kernel(chi2, rho, weight);
+    require(is_finite(rho), argument, rho, "must give a finite cost");
+    require(is_finite(weight) && weight >= 0, argument, weight, "must give a finite weight that is not negative");
+  }
+}
+inline void require_kernel(const no_kernel&, const char*) {}
+inline void require_kernel(const huber& kernel, const char* argument) {
+  require(kernel.delta2 > 0 && is_finite(kernel.delta2), argument, kernel.delta2, "delta2 must be finite and positive");
+}
+inline void require_kernel(const cauchy& kernel, const char* argument) {
+  require(kernel.c2 > 0 && is_finite(kernel.c2), argument, kernel.c2, "c2 must be finite and positive");
+}
+inline void require_kernel(const tukey& kernel, const char* argument) {
+  require(kernel.c2 > 0 && is_finite(kernel.c2), argument, kernel.c2, "c2 must be finite and positive");
+}
+/// Of rows that are not defined.
+inline void require_undefined_chi2(double chi2) {
+  require(chi2 >= 0 && is_finite(chi2), "undefined_chi2", chi2, "must be finite and not negative");
 }
 
 }  // namespace detail

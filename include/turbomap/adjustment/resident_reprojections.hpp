@@ -41,6 +41,10 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
     detail::require_indices(g.landmark, landmarks, "landmark");
     validate_rig(g.rig);
     require_correlation(g.stereo_correlation, "stereo_correlation");
+    detail::require_kernel(g.mono_kernel, "mono_kernel");
+    detail::require_kernel(g.stereo_kernel, "stereo_kernel");
+    detail::require_undefined_chi2(g.undefined_chi2);
+    require(g.nearest >= 0 && g.nearest < 1, "nearest", g.nearest, "must be in [0, 1)");
     require(g.rig.count <= 127, "rig.count", g.rig.count, "must be below 128");
     for (const auto c : g.camera) require(c < g.rig.count, "camera", static_cast<int>(c), "is not in the rig");
     for (std::size_t i = 0; i < g.stereo.size(); ++i)
@@ -75,8 +79,10 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
     size_ = g.frame.size();
     mono_ = g.mono_kernel, stereo_ = g.stereo_kernel, undefined_chi2_ = g.undefined_chi2;
     cameras_.host().clear();
-    for (int c = 0; c < g.rig.count; ++c)
+    for (int c = 0; c < g.rig.count; ++c) {
       cameras_.host().push_back(adjustment_camera<Camera>(g.rig[c], g.stereo_correlation));
+      cameras_.host().back().nearest = g.nearest * place.distance;
+    }
     for (auto* a : {&u_, &v_, &u_right_, &information_}) a->host().resize(s.source.size());
     for (const auto& c : s.chunks)
       for (int i = c.begin;

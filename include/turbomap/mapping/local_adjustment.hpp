@@ -27,7 +27,7 @@
 TURBOMAP_BEGIN_NAMESPACE
 
 /// adjust() on a user's map. Of one context. Huber kernels, information by octave; cameras are those of the keyframes in the
-/// store. Observations beyond their gate, or behind their camera, are taken out of the map.
+/// store. Observations beyond their gate, or behind their pinhole camera, are taken out of the map.
 /// \tparam Methods  the solvers and precisions that the options may ask for: see adjust()
 template <class Map, class Policy, class Methods = adjustment_methods<>>
 class local_adjustment {
@@ -154,7 +154,8 @@ class local_adjustment {
   void find_outliers(const Map& map, const local_adjustment_options& options, fault_sink faults) {
     outliers_.clear();
     for (std::size_t i = 0; i < window_.row_count(); ++i) {
-      if (chi2_[i] <= (measurements_.is_stereo(i) ? options.stereo_chi2 : options.mono_chi2) && depth_[i] > 0) continue;
+      const bool fits = chi2_[i] <= (measurements_.is_stereo(i) ? options.stereo_chi2 : options.mono_chi2);
+      if (fits && (depth_[i] > 0 || !measurements_.is_straight(i))) continue;
       const auto row = window_.at(i);
       const keyframe k = window_.frames()[static_cast<std::size_t>(row.frame)];
       const auto l = static_cast<std::size_t>(row.landmark);

@@ -22,7 +22,10 @@ struct local_adjustment_options {
   double stereo_correlation = 0;  ///< of the errors of u and u_right: see reprojections; 0 [ORB-SLAM3]
   int fewest_measurements = 2;    ///< a point dies when outliers leave it so many measurements or fewer
 
-  local_adjustment_options() { solve.min_relative_decrease = 1e-3; }  // three slow iterations in a row end it
+  local_adjustment_options() {
+    solve.min_relative_decrease = 1e-3;  // three slow iterations in a row end it
+    solve.damping = damping_rule::identity;
+  }
 };
 
 /// What one local adjustment did.

@@ -55,6 +55,11 @@ class window_measurements {
   bool is_stereo(std::size_t row) const {
     return pixel_[row].z >= 0 && detail::is_finite(pixel_[row].z) && cameras_[camera_[row]].bf > 0;
   }
+  /// Whether its camera sees only what is before it. Others, as fisheyes, may see beyond 90 degrees, where depth is negative.
+  bool is_straight(std::size_t row) const {
+    pinhole<double> unused;
+    return as_pinhole(cameras_[camera_[row]].camera, unused);
+  }
 
  private:
   /// The rows of frames [begin, end): of all, if there is room for them.
