@@ -103,6 +103,11 @@ int main(int argc, char** argv) try {
                  "times side by side")
       ->delimiter(',')
       ->check(CLI::IsMember({"seq", "omp", "tbb", "cuda", "all"}));
+  std::string map = "simple";
+  app.add_option("--map", map,
+                 "how the map is stored: flat arrays, or objects with locks and getters that copy, as in the field "
+                 "(host policies, replay mode)")
+      ->check(CLI::IsMember({"simple", "objects"}));
   app.add_flag("--check", a.check, "compare every stage with the recorded snapshots; exit status 1 when one differs");
   app.add_option("--stages", stages,
                  "stages to run, separated by commas: "
@@ -146,6 +151,9 @@ int main(int argc, char** argv) try {
     throw;
   }
   if (!stages.empty()) choose_stages(stages, a);
+  a.objects = map == "objects";
+  if (a.objects && (a.check || a.policy == "cuda" || std::count(a.beside.begin(), a.beside.end(), "cuda") != 0))
+    throw std::invalid_argument("--map objects: not together with --check or the policy cuda");
   a.projected = associate == "projected";
   a.uncertain_tracking = points == "uncertain", a.uncertain_fusion = fused == "uncertain";
   if (a.recording.empty()) a.recording = demo_recording(argv[0]);

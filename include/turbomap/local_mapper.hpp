@@ -340,7 +340,7 @@ class local_mapper {
   }
 
   void cull(keyframe current, const scope& s) {
-    for (const keyframe k : culling_.snapshot(s, current, options_.neighbours.neighbourhood)) {
+    for (const keyframe& k : culling_.snapshot(s, current, options_.neighbours.neighbourhood)) {
       if (!budget_.fits(cull_a_keyframe)) {
         cut(cull_a_keyframe);
         break;

@@ -82,17 +82,20 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording& 
   return o;
 }
 
-template <class Camera, class Policy>
+template <class Map, class Policy>
 class replayer {
  public:
-  using world = replayed_map<Camera>;
+  using world = replayed_map<Map>;
   using map_type = typename world::map_type;
   using traits = turbomap::map_traits<map_type>;
+  using keyframe = typename traits::keyframe;
+  using point = typename traits::point;
+  using camera = typename traits::camera;
 
   replayer(const turbomap::recording& recording, const Policy& policy, const arguments& arguments)
       : recording_(recording),
         arguments_(arguments),
-        rig_(recorded_rig<Camera>(recording.meta)),
+        rig_(recorded_rig<camera>(recording.meta)),
         ctx_(policy),
         store_(recorded_store_options(recording.meta)),
         world_(recording, arguments.adjustment),
@@ -114,7 +117,7 @@ class replayer {
       result_.T_cw.push_back(world_.T_cw(static_cast<std::int32_t>(i)));
       result_.alive.push_back(world_.alive(static_cast<std::int32_t>(i)) ? 1 : 0);
     }
-    traits::for_each_point(map, [&](turbomap::map_point_id p) {
+    traits::for_each_point(map, [&](const point& p) {
       result_.points.push_back(map.position(p));
       result_.point_observations.push_back(static_cast<std::int32_t>(map.observations(p).size()));
     });
@@ -138,17 +141,17 @@ class replayer {
     double begin = now_ms();
     began_ = begin;
     query_ = i;
-    const auto keyframe = world_.add(i, keypoints_);
-    mapper_.insert(keyframe, data);
+    const auto current = world_.add(i, keypoints_);
+    mapper_.insert(current, data);
     world_.associate(i);
     const double paused = now_ms();  // tracking's time, not mapping's
-    if (arguments_.adjustment) tracker_(world_.map(), keyframe);
-    if (arguments_.projected) project_local_map(keyframe);
+    if (arguments_.adjustment) tracker_(world_.map(), current);
+    if (arguments_.projected) project_local_map(current);
     begin += now_ms() - paused;
     mapper_.watch(world_.create(i));
     world_.count_tracking(i);
     row.insertion_ms = now_ms() - begin;
-    row.report = mapper_.process(keyframe);
+    row.report = mapper_.process(current);
     row.total_ms = row.insertion_ms;
     for (const double ms : row.report.ms.values) row.total_ms += ms;
     clock_ms_ += row.total_ms;
@@ -159,24 +162,24 @@ class replayer {
   }
 
   /// What the recorded associations left out, and the pose again.
-  void project_local_map(turbomap::map_keyframe_id keyframe) {
+  void project_local_map(const keyframe& current) {
     auto& map = world_.map();
     local_map_options options;
     options.projection.scales = recording_.meta.pyramid();
     options.projection.stereo_correlation = arguments_.correlation(recording_);
     options.covariances = arguments_.uncertain_tracking;
-    const auto& added = local_map_(map, keyframe, store_, mapper_.stored(), options);
+    const auto& added = local_map_(map, current, store_, mapper_.stored(), options);
     const auto right = [&](const auto& a) {
       if (!recording_.is_simulated()) return false;
-      const auto scene = points_.truth(map, keyframe, a.keypoint);
-      return scene != points_.clutter && scene == points_.truth(map, a.shown, keyframe);
+      const auto scene = points_.truth(map, current, a.keypoint);
+      return scene != points_.clutter && scene == points_.truth(map, a.shown, current);
     };
     std::vector<bool> is_right;  // before views are forgotten
     for (const auto& a : added) is_right.push_back(right(a));
-    if (arguments_.adjustment) tracker_(map, keyframe);
+    if (arguments_.adjustment) tracker_(map, current);
     result_.projected += added.size();
     for (std::size_t n = 0; n < added.size(); ++n) {
-      const bool kept = map.point_at(keyframe, added[n].keypoint) == added[n].shown;
+      const bool kept = map.point_at(current, added[n].keypoint) == added[n].shown;
       result_.projected_kept += kept ? 1 : 0;
       result_.projected_right += is_right[n] ? 1 : 0;
       result_.projected_kept_right += kept && is_right[n] ? 1 : 0;
@@ -189,7 +192,7 @@ class replayer {
 
   turbomap::local_mapper_hooks<map_type> hooks() {
     turbomap::local_mapper_hooks<map_type> hooks;
-    hooks.erasing = [this](turbomap::map_keyframe_id k) { world_.remember(k); };
+    hooks.erasing = [this](const keyframe& k) { world_.remember(k); };
     if (arguments_.queue)
       hooks.keyframes_wait = [this] {
         const auto next = static_cast<std::size_t>(query_) + 1;
@@ -211,9 +214,9 @@ class replayer {
 
   const turbomap::recording& recording_;
   const arguments& arguments_;
-  std::vector<turbomap::rig_camera<Camera>> rig_;
+  std::vector<turbomap::rig_camera<camera>> rig_;
   turbomap::context<Policy> ctx_;
-  turbomap::keyframe_store<orb, Camera, turbomap::memory_of_t<Policy>> store_;
+  turbomap::keyframe_store<orb, camera, turbomap::memory_of_t<Policy>> store_;
   world world_;
   pose_tracker<map_type, Policy> tracker_;
   local_map_search<map_type, Policy> local_map_;

@@ -91,6 +91,11 @@ class points_judge {
   }
 
  private:
+  struct seen_point {
+    point p;
+    std::uint64_t id;
+    std::int32_t scene;
+  };
   struct view_count {
     std::int32_t scene = clutter;  ///< that most keypoints show
     std::size_t all = 0, wrong = 0;
@@ -126,28 +131,28 @@ class points_judge {
         created.push_back(p);
     }
     verdict_.created += created.size();
-    for (const point p : created) verdict_.created_wrong += views(map, p).wrong != 0 ? 1 : 0;
+    for (const point& p : created) verdict_.created_wrong += views(map, p).wrong != 0 ? 1 : 0;
   }
   void remember_points(const Map& map) {
     before_.clear();
-    traits::for_each_point(map, [&](point p) { before_.push_back({p, truth(map, p)}); });
+    traits::for_each_point(map, [&](point p) { before_.push_back({p, traits::id(map, p), truth(map, p)}); });
   }
   void judge_merged(const Map& map) {
-    std::unordered_map<std::size_t, std::int32_t> scene_of;
-    for (const auto& [p, scene] : before_) scene_of[traits::index(map, p)] = scene;
-    for (const auto& [p, scene] : before_) {
-      if (traits::alive(map, p)) continue;
-      const point into = traits::replacement(map, p);
+    std::unordered_map<std::uint64_t, std::int32_t> scene_of;
+    for (const seen_point& b : before_) scene_of[b.id] = b.scene;
+    for (const seen_point& b : before_) {
+      if (traits::alive(map, b.p)) continue;
+      const point into = traits::replacement(map, b.p);
       if (into == point{}) continue;
       ++verdict_.merged;
-      verdict_.merged_wrong += scene == clutter || scene != scene_of[traits::index(map, into)] ? 1 : 0;
+      verdict_.merged_wrong += b.scene == clutter || b.scene != scene_of[traits::id(map, into)] ? 1 : 0;
     }
   }
 
   const turbomap::recording& recording_;
   points_verdict verdict_;
-  std::vector<std::uint8_t> had_;                       ///< of each keypoint of the current keyframe, before creation
-  std::vector<std::pair<point, std::int32_t>> before_;  ///< before fusion: the live points, with what they show
+  std::vector<std::uint8_t> had_;   ///< of each keypoint of the current keyframe, before creation
+  std::vector<seen_point> before_;  ///< before fusion: the live points
   mutable std::vector<std::int32_t> ids_;
 };
 

@@ -11,7 +11,6 @@
 
 #include <turbomap/io/recording.hpp>
 #include <turbomap/map/map_edit.hpp>
-#include <turbomap/map/simple_map/simple_map.hpp>
 #include <turbomap/math/linear.hpp>
 
 #include "recorded_keyframes.hpp"
@@ -39,13 +38,14 @@ inline turbomap::rigid_transform<double> invert(const turbomap::rigid_transform<
 
 /// The map of a replay, addressed by the keyframe indices of the recording. What a culled keyframe saw is remembered:
 /// tracking's associations name keypoints of keyframes that the recorded system still had.
-template <class Camera>
+/// \tparam Map  simple_map, or one with its members
+template <class Map>
 class replayed_map {
  public:
-  using map_type = turbomap::simple_map<orb, Camera>;
+  using map_type = Map;
   using traits = turbomap::map_traits<map_type>;
-  using keyframe = turbomap::map_keyframe_id;
-  using point = turbomap::map_point_id;
+  using keyframe = typename traits::keyframe;
+  using point = typename traits::point;
 
   /// \param chained  poses follow from the own pose of the keyframe before, as adjustments moved it
   replayed_map(const turbomap::recording& recording, bool chained)
@@ -57,8 +57,8 @@ class replayed_map {
   bool alive(std::int32_t i) const { return map_.alive(id(i)); }
   std::size_t size() const { return ids_.size(); }
   /// The pose of a keyframe; of a culled one, its last.
-  const turbomap::rigid_transform<double>& T_cw(std::int32_t i) const {
-    return alive(i) ? map_.T_cw(id(i)) : last_pose_[static_cast<std::size_t>(i)];
+  decltype(auto) T_cw(std::int32_t i) const {  // by reference where the map gives one
+    return (alive(i) ? map_.T_cw(id(i)) : last_pose_[static_cast<std::size_t>(i)]);
   }
 
   /// Keyframe i of the log enters the map. \param keypoints  those of the keyframe

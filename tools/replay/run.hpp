@@ -11,11 +11,13 @@
 
 #include <turbomap/io/recording.hpp>
 #include <turbomap/io/trajectory.hpp>
+#include <turbomap/map/simple_map/simple_map.hpp>
 
 #include "check.hpp"
 #include "loop.hpp"
 #include "make_report.hpp"
 #include "print_outcome.hpp"
+#include "run_objects.hpp"
 #include "trajectory_errors.hpp"
 
 namespace turbomap_replay {
@@ -70,7 +72,9 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
   replay_result result;
   std::vector<replay_row> rows;  // of all repetitions, the first keyframes left out
   for (int k = 0; k < arguments.repeat; ++k) {
-    result = replayer<Camera, Policy>(recording, policy, arguments).run();
+    result = arguments.objects
+                 ? replay_objects<Camera>(recording, arguments)
+                 : replayer<turbomap::simple_map<orb, Camera>, Policy>(recording, policy, arguments).run();
     for (std::size_t i = warm_up; i < result.rows.size(); ++i) rows.push_back(result.rows[i]);
   }
   const turbomap::timing_table timing = turbomap::read_timing(arguments.recording);
@@ -101,6 +105,7 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
   o.good = result.faults == 0;
   o.json = {{"recording", arguments.recording.string()},
             {"policy", arguments.policy},
+            {"map", arguments.objects ? "objects" : "simple"},
             {"keyframes", recording.keyframe_count()},
             {"keyframes_left", result.keyframes_left},
             {"map_points", result.points.size()},

@@ -49,7 +49,8 @@ class pose_tracker {
     const std::int32_t begin[2] = {0, static_cast<std::int32_t>(points_.size())};
     turbomap::motion_only_input<camera> in;
     in.rig = {rig_.data(), static_cast<int>(rig_.size())};
-    in.T_cw = {&traits::pose(map, k), 1};
+    const auto& T_cw = traits::pose(map, k);
+    in.T_cw = {&T_cw, 1};
     in.begin = {begin, 2};
     in.point = points_, in.pixel = pixels_, in.information = information_, in.camera = cameras_;
     in.covariance = covariance_;

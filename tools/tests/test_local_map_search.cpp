@@ -7,6 +7,7 @@
 #include "simulation/simulate.hpp"
 
 #include <turbomap/map/map_edit.hpp>
+#include <turbomap/map/simple_map/simple_map.hpp>
 
 #include <doctest/doctest.h>
 #include <thrust/execution_policy.h>
@@ -31,7 +32,7 @@ template <class Camera, class Policy>
 replay_result replay(const recording& r, const Policy& policy, bool projected, bool adjustment = true) {
   turbomap_replay::arguments arguments;
   arguments.projected = projected, arguments.adjustment = adjustment;
-  return turbomap_replay::replayer<Camera, Policy>(r, policy, arguments).run();
+  return turbomap_replay::replayer<turbomap::simple_map<orb, Camera>, Policy>(r, policy, arguments).run();
 }
 
 template <class Camera>

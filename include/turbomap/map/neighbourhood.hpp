@@ -53,9 +53,9 @@ class neighbourhood {
       const std::size_t known = seen_.size();
       if (seen_.place(map, k) == known) targets_.push_back(k);
     };
-    for (const keyframe n : neighbours_) add(n);
+    for (const keyframe& n : neighbours_) add(n);
     if (options.second_neighbours > 0)
-      for (const keyframe n : neighbours_)
+      for (const keyframe& n : neighbours_)
         for (const auto& c : covisibility_(map, n, options.min_shared_points,
                                            static_cast<std::size_t>(options.second_neighbours), accept))
           add(c.keyframe);
@@ -99,7 +99,7 @@ class neighbourhood {
       if (wanted <= 0) return;
       seen_.clear();
       seen_.place(map, query);
-      for (const keyframe k : list) seen_.place(map, k);
+      for (const keyframe& k : list) seen_.place(map, k);
       keyframe slow = query;  // half as fast: in a circle, which no edit makes, the other one meets it
       bool advance = false;
       for (keyframe k = traits::previous(map, query);

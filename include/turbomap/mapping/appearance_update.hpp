@@ -179,7 +179,7 @@ class appearance_update {
     observers_.clear();
     points_.clear(), positions_.clear(), observations_.clear(), references_.clear();
     offsets_.assign(1, 0);
-    for (const point p : points) {
+    for (const point& p : points) {
       if (p == point{} || !traits::alive(map, p)) continue;
       const std::size_t known = seen_.size();
       if (seen_.place(map, p) != known) continue;

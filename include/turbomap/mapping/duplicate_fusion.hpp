@@ -77,14 +77,14 @@ class duplicate_fusion {
     }
     const list_of<point> points = snapshot_.points();
     fusion_summary summary;
-    for (const keyframe target : targets) {
+    for (const keyframe& target : targets) {
       int cameras = 1;
       for (int c = 0; c < cameras; ++c) {
         const std::size_t survivors = commit_.survivors().size();
         {
           const auto guard = s.guard();
           snapshot_.clear(options.covariances);
-          for (const point p : points) snapshot_.add_point(s.map, p);
+          for (const point& p : points) snapshot_.add_point(s.map, p);
           snapshot_targets(s, span<const keyframe>(&target, 1));
         }
         compute(s, c, options.search);
@@ -103,13 +103,13 @@ class duplicate_fusion {
   /// The live points of live keyframes. The caller holds the guard.
   void snapshot_points(const scope& s, span<const keyframe> sources, const fusion_options& options) {
     snapshot_.clear(options.covariances);
-    for (const keyframe k : sources)
+    for (const keyframe& k : sources)
       if (traits::alive(s.map, k)) snapshot_.add_points_of(s.map, k);
   }
   /// Live targets with their poses, and which of them see the points. The caller holds the guard.
   void snapshot_targets(const scope& s, span<const keyframe> targets) {
     targets_.clear();
-    for (const keyframe k : targets)
+    for (const keyframe& k : targets)
       if (traits::alive(s.map, k)) targets_.place(s.map, k, s.stored, s.faults);
     snapshot_.note_observed(s.map, targets_, s.faults);
   }

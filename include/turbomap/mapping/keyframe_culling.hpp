@@ -160,7 +160,7 @@ void cull_keyframes(Map& map, typename map_traits<Map>::keyframe current,
   [[maybe_unused]] temporal_state<Map> state;
   if constexpr (has_time)
     if (options.temporal_guards) state = temporal_state<Map>::of(map, current, options);
-  for (const auto keyframe : candidates) {
+  for (const auto& keyframe : candidates) {
     bool protect = !traits::alive(map, keyframe) || keyframe == current;
     if constexpr (detail::map_has_v<Map, detail::map_may_erase_member>)
       protect = protect || !traits::may_erase(map, keyframe);

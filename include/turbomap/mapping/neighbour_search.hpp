@@ -88,7 +88,7 @@ class neighbour_search {
     stored.at(traits::id(map, query));                             // throws when it is not there
     selection_.place(map, query, stored);                          // throws when it has no pose
     const rigid_transform<double> T_query = selection_.T_cw()[0];  // a copy: the list grows
-    for (const keyframe n : neighbours) {
+    for (const keyframe& n : neighbours) {
       if (selection_.size() > most) break;
       if (suffices(map, T_query, n, options)) selection_.place(map, n, stored);
     }

@@ -67,7 +67,7 @@ class point_culling {
 
   /// Puts points on probation. \param now  number of the keyframe
   void watch(span<const point> points, std::int64_t now) {
-    for (const point p : points) recent_.push_back({p, now});
+    for (const point& p : points) recent_.push_back({p, now});
   }
   map_point_culling_summary operator()(const mapping_scope<Map, Policy>& s, std::int64_t now,
                                        const map_point_culling_options& options) {

@@ -1,0 +1,56 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// Local mapping on a map of objects: the map that it makes on flat arrays, to the last bit.
+
+#include <doctest/doctest.h>
+#include <thrust/detail/seq.h>
+#include <turbomap/local_mapper.hpp>
+#include <turbomap/map/validate.hpp>
+#include <type_traits>
+
+#include "objects_map/objects_map.hpp"
+#include "replay/map_digest.hpp"
+#include "scenes/mapping_scene.hpp"
+
+namespace {
+
+using namespace turbomap_test;
+
+using sequential = std::decay_t<decltype(thrust::seq)>;
+using descriptor = turbomap::binary_descriptor<256>;
+
+template <class Map>
+using run_on = mapping_run<Map, sequential, turbomap::local_adjustment<Map, sequential>>;
+
+template <class Camera>
+void check_same_map(const mapping_scene<Camera>& scene, const turbomap::local_mapper_options& options, int keyframes) {
+  run_on<turbomap::simple_map<descriptor, Camera>> flat(scene, options);
+  run_on<turbomap_program::objects_map<Camera>> objects(scene, options);
+  std::size_t merged = 0, culled = 0;
+  for (int n = 0; n < keyframes; ++n) {
+    CAPTURE(n);
+    const auto& report = flat.step();
+    merged += report.fused.merged, culled += report.keyframes_culled.size() + report.points_culled;
+    objects.step();
+    REQUIRE(objects.map.point_count() == flat.map.point_count());
+    REQUIRE(objects.map.observation_count() == flat.map.observation_count());
+    REQUIRE(turbomap_replay::map_digest(objects.map) == turbomap_replay::map_digest(flat.map));
+    REQUIRE(turbomap::validate(objects.map).empty());
+  }
+  CHECK(merged > 20);
+  CHECK(culled > 0);
+}
+
+TEST_CASE("a map of objects and one of arrays become the same to the last bit") {
+  mapping_recipe recipe;
+  recipe.seed = 5, recipe.pixel_noise = 0.4, recipe.noisy_bits = 20, recipe.turn_back = 6;
+  const auto options = turbomap::local_mapper_options::stereo(0.11, 6, recipe.scales);
+  SUBCASE("a rectified pair") { check_same_map(mapping_scene<pinhole_camera>(pinhole_rig(50), recipe), options, 12); }
+  SUBCASE("a rig of two fisheyes") {
+    check_same_map(mapping_scene<fisheye_camera>(fisheye_rig(2), recipe), options, 9);
+  }
+}
+
+}  // namespace
