@@ -63,6 +63,7 @@ struct oracle_problem {
   std::vector<Eigen::Vector3d> landmarks;
   std::vector<bool> landmark_fixed;
   std::vector<oracle_block> blocks;
+  std::vector<unsigned> held = {};  ///< per frame, bit i: its unknown i stays; empty: none does
 
   double cost() const {
     double total = 0;
@@ -149,6 +150,12 @@ struct oracle_problem {
         b[columns[i]] -= weight * J[i].dot(e);
       }
     }
+    for (std::size_t f = 0; f < held.size(); ++f)
+      for (int i = 0; i < frames[f].dof() && of_frame[f] >= 0; ++i)
+        if ((held[f] >> i & 1U) != 0) {
+          const int k = of_frame[f] + i;
+          H.row(k).setZero(), H.col(k).setZero(), b[k] = 0, H(k, k) = 1;
+        }
   }
 };
 

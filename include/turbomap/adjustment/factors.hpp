@@ -108,6 +108,9 @@ template <class Frame>
 struct frame_input {
   span<const typename Frame::template state<double>> states;
   span<const std::uint8_t> fixed = {};  ///< not 0: the frame does not move; empty: all move
+  /// One mask per frame: bit i holds unknown i of one that moves otherwise, e.g. the velocity where no IMU tells it. Empty:
+  /// none is held. Frames of up to 32 unknowns.
+  span<const std::uint32_t> held = {};
 };
 
 /// The landmarks as the caller holds them: world, m.

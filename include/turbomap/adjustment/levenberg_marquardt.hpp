@@ -88,6 +88,7 @@ class levenberg_marquardt {
       if (stopped()) return adjustment_end::stopped;
       if (i > 0 && out_of_time()) return adjustment_end::time_budget;
       equations_.linearise(ctx_);
+      if (i == 0) summary_.undetermined = equations_.undetermined(ctx_);
       if (i == 0 && !(control.lambda > 0)) {
         control.lambda = first_lambda();
         if (!(largest_ > 0)) return adjustment_end::converged;  // no factor depends on anything

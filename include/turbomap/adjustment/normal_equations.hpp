@@ -13,6 +13,7 @@
 #include "../math/pack.hpp"
 #include "eliminate_landmarks.hpp"
 #include "frame_sums.hpp"
+#include "hold_unknowns.hpp"
 #include "host_sums.hpp"
 #include "problem_data.hpp"
 #include "schur_view.hpp"
@@ -79,6 +80,20 @@ class normal_equations {
     const estimate_view<Frame> x = data_.estimate.current();
     std::apply([&](auto&... g) { (g.template linearise<G>(ctx.policy(), x, s_.sums), ...); }, data_.groups);
     launch_sum_frames<V, D>(ctx.policy(), s_);
+    if constexpr (D <= 32)
+      if (!data_.held.host().empty())
+        launch_hold_unknowns<V, D>(ctx.policy(), s_, data_.held.data(), static_cast<int>(data_.structure.slots()));
+  }
+
+  /// Unknowns of free frames that no factor depends on.
+  template <class Policy>
+  int undetermined(context<Policy>& ctx) {
+    constexpr int triangle = frame_block<D>::triangle;
+    const double* H = on_host(ctx, s_.H, static_cast<std::size_t>(s_.free_frames) * triangle, data_.workspace.sums);
+    int count = 0;
+    for (int f = 0; f < s_.free_frames; ++f)
+      for (int i = 0; i < D; ++i) count += H[f * triangle + i * (i + 3) / 2] > 0 ? 0 : 1;
+    return count;
   }
 
   /// The largest diagonal element of all blocks of frames and landmarks.

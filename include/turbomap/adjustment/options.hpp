@@ -89,6 +89,9 @@ struct adjustment_summary {
   int iterations = 0;  ///< linearisations that were solved
   int accepted = 0;    ///< iterations that changed the state; 0: it is unchanged to the last bit
   int undefined = 0;   ///< observations whose camera could not project their landmark at the end
+  /// Unknowns of free frames that no factor depended on at the start: damping alone kept them where they are. (Directions
+  /// that several unknowns have in common, as a scale, are not among them: see frame_covariance.)
+  int undetermined = 0;
   adjustment_end end = adjustment_end::max_iterations;
   plain_vector<adjustment_iteration> each;
 };

@@ -138,6 +138,8 @@ class basic_bundle_problem {
             frames.fixed.size(), "must be that of states, or 0");
     require(landmarks.fixed.empty() || landmarks.fixed.size() == landmarks.positions.size(), "landmarks.fixed.size()",
             landmarks.fixed.size(), "must be that of positions, or 0");
+    require(frames.held.empty() || frames.held.size() == frames.states.size(), "frames.held.size()", frames.held.size(),
+            "must be that of states, or 0");
     const int frame_count = static_cast<int>(frames.states.size());
     const int landmark_count = static_cast<int>(landmarks.positions.size());
     bool finite = true;
@@ -201,7 +203,19 @@ class basic_bundle_problem {
     copy_in(ctx.policy(), x.landmarks, staging_.data(), staging_.size() * sizeof(double));
     data_.landmark_fixed.host().assign(landmarks.fixed.begin(), landmarks.fixed.end());
     data_.landmark_fixed.send(ctx.policy());
+    hold(frames.held);
+    data_.held.send(ctx.policy());
     launch_prepare_poses(ctx.policy(), static_cast<int>(n), x);
+  }
+
+  /// Masks of the free frames; none where no unknown is held.
+  void hold(span<const std::uint32_t> held) {
+    auto& masks = data_.held.host();
+    masks.clear();
+    std::uint32_t any = 0;
+    for (const auto f : data_.structure.frame_of_free)
+      if (!held.empty()) masks.push_back(held[static_cast<std::size_t>(f)]), any |= masks.back();
+    if (any == 0) masks.clear();
   }
 
   data_type data_;

@@ -66,12 +66,13 @@ struct problem_data {
   static constexpr int dof = frame::dof, landmark_dof = frame::landmark_dof;
 
   explicit problem_data(std::pmr::memory_resource* r)
-      : groups(resident_group<Groups, frame, Memory>(r)...), lists(r), landmark_fixed(r), estimate(r) {}
+      : groups(resident_group<Groups, frame, Memory>(r)...), lists(r), landmark_fixed(r), held(r), estimate(r) {}
 
   adjustment_structure structure;
   std::tuple<resident_group<Groups, frame, Memory>...> groups;
   resident_structure<Memory> lists;
   uploaded<std::uint8_t, Memory> landmark_fixed;  ///< empty: all move
+  uploaded<std::uint32_t, Memory> held;           ///< [free frame] masks of unknowns that stay; empty: none
   estimates<frame, Memory> estimate;
   solver_workspace<dof> workspace;
   std::size_t observations = 0;  ///< 0: there is nothing to adjust

@@ -1,0 +1,142 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The residuals of inertial_residual.hpp as factors of a bundle_problem of inertial frames: what the IMU measured between
+/// two frames, how far its biases walked meanwhile, and what is known of a state beforehand.
+///
+///     bundle_problem<Policy, inertial_frame, reprojections<camera>, frame_pair_factors<inertial_factor>,
+///                    frame_pair_factors<bias_walk_factor>> problem(ctx);
+
+#include <cmath>
+
+#include "../config.hpp"
+#include "../math/functions.hpp"
+#include "inertial_residual.hpp"
+#include "preintegration.hpp"
+
+namespace turbomap {
+
+/// Nine residuals of rotation, velocity and position between a frame and the next one, whitened [Forster et al. 2017].
+struct inertial_factor {
+  static constexpr int size = 9;
+  /// Made by make_inertial_row().
+  struct row {
+    preintegration<double> motion;
+    double whitening[81];  ///< lower triangular, row-major: W^T W is the information
+  };
+  isometry<double> T_bc{{{1, 0, 0, 0, 1, 0, 0, 0, 1}}, {0, 0, 0}};  ///< camera to body, the frame of the IMU
+  vec3<double> gravity{0, 0, -9.81};                                ///< in the world, m/s^2
+
+  template <class S, class = detail::this_target>
+  TURBOMAP_HD bool residual(const inertial_state<S>& i, const inertial_state<S>& j, const row& r, S* e) const {
+    S raw[9];
+    inertial_residual(r.motion, T_bc, i, j, cast<S>(gravity), raw);
+    for (int k = 0; k < 9; ++k) {
+      e[k] = S(0);
+      for (int m = 0; m <= k; ++m) e[k] = e[k] + S(r.whitening[9 * k + m]) * raw[m];
+    }
+    return true;
+  }
+  template <class = detail::this_target>
+  TURBOMAP_HD bool linearise(const inertial_state<double>& i, const inertial_state<double>& j, const row& r, double* e,
+                             double* d_i, double* d_j) const {
+    double raw[9];
+    inertial_jacobian J;
+    linearise_inertial_residual(r.motion, T_bc, i, j, gravity, raw, J);
+    for (int k = 0; k < 9; ++k) {
+      e[k] = 0;
+      for (int c = 0; c < 15; ++c) d_i[15 * k + c] = d_j[15 * k + c] = 0;
+      for (int m = 0; m <= k; ++m) {
+        const double w = r.whitening[9 * k + m];
+        e[k] += w * raw[m];
+        for (int c = 0; c < 15; ++c) d_i[15 * k + c] += w * J.i[15 * m + c], d_j[15 * k + c] += w * J.j[15 * m + c];
+      }
+    }
+    return true;
+  }
+};
+
+/// Six residuals of how far the biases of gyroscope and accelerometer walked between two frames.
+struct bias_walk_factor {
+  static constexpr int size = 6;
+  struct row {
+    double gyro, acceleration;  ///< 1 / sigma of the walk of each element
+  };
+
+  template <class S, class = detail::this_target>
+  TURBOMAP_HD bool residual(const inertial_state<S>& i, const inertial_state<S>& j, const row& r, S* e) const {
+    S raw[6];
+    bias_walk_residual(i.bias, j.bias, raw);
+    for (int k = 0; k < 6; ++k) e[k] = S(k < 3 ? r.gyro : r.acceleration) * raw[k];
+    return true;
+  }
+  template <class = detail::this_target>
+  TURBOMAP_HD bool linearise(const inertial_state<double>& i, const inertial_state<double>& j, const row& r, double* e,
+                             double* d_i, double* d_j) const {
+    residual(i, j, r, e);
+    for (int k = 0; k < 6 * 15; ++k) d_i[k] = d_j[k] = 0;
+    for (int k = 0; k < 6; ++k) {
+      const double w = k < 3 ? r.gyro : r.acceleration;
+      d_i[15 * k + 9 + k] = -w, d_j[15 * k + 9 + k] = w;
+    }
+    return true;
+  }
+};
+
+/// What is known of velocity and biases beforehand, e.g. of a frame at rest, or of an IMU that was calibrated: nine residuals,
+/// velocity, gyroscope, accelerometer.
+struct inertial_prior_factor {
+  static constexpr int size = 9;
+  struct row {
+    vec3<double> velocity;  ///< m/s
+    imu_bias<double> bias;
+    double velocity_weight, gyro_weight, acceleration_weight;  ///< 1 / sigma of each element; 0: nothing is known
+  };
+
+  template <class S, class = detail::this_target>
+  TURBOMAP_HD bool residual(const inertial_state<S>& x, const row& r, S* e) const {
+    const vec3<S>* const now[3] = {&x.velocity, &x.bias.gyro, &x.bias.acceleration};
+    const vec3<double>* const known[3] = {&r.velocity, &r.bias.gyro, &r.bias.acceleration};
+    const double weight[3] = {r.velocity_weight, r.gyro_weight, r.acceleration_weight};
+    for (int k = 0; k < 3; ++k) {
+      const S w(weight[k]);
+      e[3 * k] = w * (now[k]->x - S(known[k]->x)), e[3 * k + 1] = w * (now[k]->y - S(known[k]->y));
+      e[3 * k + 2] = w * (now[k]->z - S(known[k]->z));
+    }
+    return true;
+  }
+  template <class = detail::this_target>
+  TURBOMAP_HD bool linearise(const inertial_state<double>& x, const row& r, double* e, double* d) const {
+    residual(x, r, e);
+    for (int k = 0; k < 9 * 15; ++k) d[k] = 0;
+    for (int k = 0; k < 9; ++k)
+      d[15 * k + 6 + k] = k < 3 ? r.velocity_weight : k < 6 ? r.gyro_weight : r.acceleration_weight;
+    return true;
+  }
+};
+
+}  // namespace turbomap
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// \param weight  of its information: 1, or e.g. 1e-2 for the oldest edge of a window, whose start is not to be believed
+///                [ORB-SLAM3]
+/// \return false: the covariance has no inverse (one step of the sensor, no noise), or the weight is not positive
+inline bool make_inertial_row(const preintegration<double>& motion, double weight, inertial_factor::row& row) {
+  if (!(weight > 0) || !inertial_whitening(motion, row.whitening)) return false;
+  row.motion = motion;
+  const double root = std::sqrt(weight);
+  for (double& w : row.whitening) w *= root;
+  return true;
+}
+
+/// \return false: the biases do not walk (variance 0 or less): they are one unknown then, which a factor cannot say
+inline bool make_walk_row(const preintegration<double>& motion, bias_walk_factor::row& row) {
+  if (!(motion.gyro_walk > 0) || !(motion.acceleration_walk > 0)) return false;
+  row.gyro = 1 / std::sqrt(motion.gyro_walk), row.acceleration = 1 / std::sqrt(motion.acceleration_walk);
+  return true;
+}
+
+TURBOMAP_END_NAMESPACE

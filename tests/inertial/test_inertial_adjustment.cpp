@@ -1,0 +1,185 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+// Frames of 15 unknowns in every solver and kind of numbers: against an oracle without Schur complement, with formulas of its
+// own and numerical derivatives; unknowns that are held; unknowns that nothing tells.
+
+#include <doctest/doctest.h>
+
+#include <thrust/execution_policy.h>
+
+#include <cstring>
+#include <limits>
+#include <stdexcept>
+
+#include "inertial_scene.hpp"
+#include "support/policies.hpp"
+
+namespace {
+
+using namespace turbomap_test;
+using turbomap::adjustment_end;
+using turbomap::adjustment_options;
+using turbomap::damping_rule;
+using turbomap::every_adjustment_method;
+using turbomap::precision;
+using turbomap::reduced_solver;
+using turbomap_test::sequential;
+using float64_methods =
+    turbomap::adjustment_methods<turbomap::adjustment_methods<>::solvers, turbomap::precision_list<precision::float64>>;
+
+struct adjusted {
+  turbomap::adjustment_summary summary;
+  std::vector<inertial_state<double>> states;
+  std::vector<vec3<double>> points;
+};
+
+template <class Methods, class Policy, class Factor = inertial_factor>
+adjusted adjust_scene(const Policy& policy, const inertial_scene& s, const adjustment_options& options,
+                      const Factor& factor = {}) {
+  turbomap::context<Policy> ctx{policy};
+  inertial_problem<Policy, Factor> problem(ctx);
+  s.assign(ctx, problem, factor);
+  adjusted a;
+  a.summary = turbomap::adjust<Methods>(ctx, problem, options);
+  problem.frames(ctx, a.states), problem.landmarks(ctx, a.points);
+  return a;
+}
+
+adjustment_options options_of(damping_rule damping, precision numbers = precision::float64) {
+  adjustment_options options;
+  options.numbers = numbers, options.damping = damping, options.max_iterations = 6, options.pcg_tolerance = 1e-13;
+  return options;
+}
+
+void check(const adjusted& a, const std::vector<double>& costs, const oracle_problem& o, double cost, double state) {
+  REQUIRE(a.summary.each.size() == costs.size());
+  for (std::size_t i = 0; i < costs.size(); ++i)
+    CHECK(a.summary.each[i].cost == doctest::Approx(costs[i]).epsilon(cost));
+  CHECK(distance(a.states, a.points, o) < state);
+}
+
+TEST_CASE_TEMPLATE("visual-inertial problems converge as the oracle does, in every solver", Policy,
+                   TURBOMAP_TEST_POLICIES) {
+  auto s = make_inertial_scene(6, 12, 5);
+  SUBCASE("all unknowns") {}
+  SUBCASE("a frame without an IMU, one whose pose is known, one of which a part is") {
+    s.held.assign(6, 0);
+    s.first = {0, 1, 3, 4}, s.second = {1, 2, 4, 5};
+    s.edges.erase(s.edges.begin() + 2), s.walks.erase(s.walks.begin() + 2);
+    s.held[2] = inertial_frame::hold_biases;
+    s.held[4] = inertial_frame::hold_pose;
+    s.held[5] = 1U << 4 | 1U << 7;
+  }
+  for (const auto damping : {damping_rule::identity, damping_rule::diagonal}) {
+    oracle_problem o = oracle_of(s);
+    const double before = o.cost();
+    const auto costs = oracle_adjust(o, 6, damping == damping_rule::diagonal);
+    REQUIRE(costs.back() < 0.1 * before);
+    for (const auto solver : {reduced_solver::dense, reduced_solver::sparse, reduced_solver::pcg}) {
+      CAPTURE(static_cast<int>(solver));
+      adjustment_options options = options_of(damping);
+      options.solver = solver;
+      const auto a = adjust_scene<float64_methods>(Policy{}, s, options);
+      CHECK(a.summary.cost_initial == doctest::Approx(before).epsilon(1e-9));
+      CHECK(a.summary.undetermined == 0);
+      check(a, costs, o, 1e-6, 1e-4);
+    }
+  }
+}
+
+TEST_CASE("every precision and solver") {
+  const auto s = make_inertial_scene(6, 12, 5);
+  oracle_problem o = oracle_of(s);
+  oracle_adjust(o, 12, true);
+  for (const auto numbers : {precision::float64, precision::mixed, precision::float32})
+    for (const auto solver : {reduced_solver::dense, reduced_solver::sparse, reduced_solver::pcg}) {
+      CAPTURE(static_cast<int>(numbers));
+      CAPTURE(static_cast<int>(solver));
+      auto options = options_of(damping_rule::diagonal, numbers);
+      options.max_iterations = 12, options.solver = solver;
+      const auto a = adjust_scene<every_adjustment_method>(sequential{}, s, options);
+      CHECK(a.summary.cost_final == doctest::Approx(o.cost()).epsilon(1e-4));
+    }
+}
+
+TEST_CASE("host policies give the same bits") {
+  const auto s = make_inertial_scene(6, 12, 8);
+  const auto options = options_of(damping_rule::diagonal);
+  const auto a = adjust_scene<float64_methods>(sequential{}, s, options);
+  for_each_parallel_policy([&](auto policy) {
+    const auto b = adjust_scene<float64_methods>(policy, s, options);
+    CHECK(std::memcmp(a.states.data(), b.states.data(), a.states.size() * sizeof(a.states[0])) == 0);
+  });
+}
+
+/// inertial_factor without its derivatives: dual numbers are taken.
+struct by_duals : inertial_factor {
+  void linearise() const = delete;
+};
+
+TEST_CASE("analytic derivatives of the factor are those of dual numbers") {
+  const auto s = make_inertial_scene(4, 10, 3);
+  const auto options = options_of(damping_rule::diagonal);
+  const auto analytic = adjust_scene<float64_methods>(sequential{}, s, options);
+  const auto dual = adjust_scene<float64_methods>(sequential{}, s, options, by_duals{});
+  CHECK(analytic.summary.cost_final == doctest::Approx(dual.summary.cost_final).epsilon(1e-10));
+  for (std::size_t f = 0; f < analytic.states.size(); ++f) {
+    CHECK(std::abs(analytic.states[f].velocity.x - dual.states[f].velocity.x) < 1e-8);
+    CHECK(std::abs(analytic.states[f].bias.acceleration.y - dual.states[f].bias.acceleration.y) < 1e-8);
+  }
+}
+
+TEST_CASE("what is held stays to the last bit, what nothing tells is counted") {
+  auto s = make_inertial_scene(5, 12, 4);
+  SUBCASE("held") {
+    s.held.assign(5, 0);
+    s.held[3] = inertial_frame::hold_pose | inertial_frame::hold_velocity;
+    s.held[2] = inertial_frame::hold_biases;
+    const auto a = adjust_scene<float64_methods>(sequential{}, s, options_of(damping_rule::diagonal));
+    CHECK(a.summary.accepted > 0);
+    CHECK(std::memcmp(&a.states[3].T_cw, &s.states[3].T_cw, sizeof s.states[3].T_cw) == 0);
+    CHECK(std::memcmp(&a.states[3].velocity, &s.states[3].velocity, sizeof s.states[3].velocity) == 0);
+    CHECK(a.states[3].bias.gyro.x != s.states[3].bias.gyro.x);
+    CHECK(std::memcmp(&a.states[2].bias, &s.states[2].bias, sizeof s.states[2].bias) == 0);
+    CHECK(a.states[2].velocity.x != s.states[2].velocity.x);
+  }
+  SUBCASE("no IMU at all: nine unknowns of four frames") {
+    s.first.clear(), s.second.clear(), s.edges.clear(), s.walks.clear(), s.prior_frame.clear(), s.priors.clear();
+    auto a = adjust_scene<float64_methods>(sequential{}, s, options_of(damping_rule::diagonal));
+    CHECK(a.summary.accepted > 0);
+    CHECK(a.summary.undetermined == 36);
+    CHECK(a.states[2].velocity.x == s.states[2].velocity.x);
+    s.held.assign(5, inertial_frame::visual_only);
+    a = adjust_scene<float64_methods>(sequential{}, s, options_of(damping_rule::diagonal));
+    CHECK(a.summary.undetermined == 0);
+    CHECK(a.states[2].velocity.x == s.states[2].velocity.x);
+  }
+  SUBCASE("masks of the wrong size") {
+    s.held.assign(4, 0);
+    CHECK_THROWS_WITH_AS(adjust_scene<float64_methods>(sequential{}, s, {}), doctest::Contains("frames.held.size()"),
+                         std::invalid_argument);
+  }
+}
+
+TEST_CASE("a velocity that is not a number: said so, and nothing moves") {
+  auto s = make_inertial_scene(4, 10, 3);
+  s.states[1].velocity.y = std::numeric_limits<double>::quiet_NaN();
+  const auto a = adjust_scene<float64_methods>(sequential{}, s, options_of(damping_rule::diagonal));
+  CHECK(a.summary.end == adjustment_end::not_finite);
+  CHECK(a.states[2].T_cw.tx == s.states[2].T_cw.tx);
+}
+
+TEST_CASE("rows that cannot be made") {
+  preintegration<double> none;
+  inertial_factor::row row;
+  CHECK_FALSE(turbomap::make_inertial_row(none, 1, row));
+  bias_walk_factor::row walk;
+  CHECK_FALSE(turbomap::make_walk_row(none, walk));
+  const imu_motion m = make_imu_motion(3, 200, 1);
+  const auto p = turbomap::preintegrate(m.samples(), m.intervals[0], m.biases[0], {});
+  CHECK_FALSE(turbomap::make_inertial_row(p, 0, row));
+  CHECK(turbomap::make_inertial_row(p, 1, row));
+}
+
+}  // namespace
