@@ -14,6 +14,7 @@
 #include "bench/run.hpp"
 #include "host_policy.hpp"
 #include "simulation/simulate.hpp"
+#include "simulation/walks.hpp"
 
 namespace {
 

@@ -139,6 +139,15 @@ int main(int argc, char** argv) try {
       ->check(CLI::IsMember({"refuse", "apart", "drop"}));
   app.add_option("--deadline-ms", a.deadline_ms, "milliseconds per keyframe: work that would overrun is cut")
       ->check(CLI::NonNegativeNumber);
+  app.add_option("--most-views", a.most_views,
+                 "of a point with more views, so many stand for all in descriptor and normal; 0: all take part")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--behind", a.behind,
+                 "for so many first keyframes the next one waits: their fusion, adjustment and culling are skipped")
+      ->check(CLI::NonNegativeNumber);
+  app.add_flag("--growth", a.growth,
+               "print medians of the times and of what keyframes share, per fifth of the keyframes");
+  app.add_option("--growth-file", a.growth_file, "write them per keyframe to this file (.svg: a plot; else CSV)");
   app.add_option("--report", a.report, "write a page with map, times and growth to this file (HTML)");
   app.add_option("--json", a.json, "write the result to this file");
   app.add_option("--trajectory", a.trajectory, "write the keyframes' body poses to this file (TUM format)");
@@ -154,6 +163,7 @@ int main(int argc, char** argv) try {
   a.objects = map == "objects";
   if (a.objects && (a.check || a.policy == "cuda" || std::count(a.beside.begin(), a.beside.end(), "cuda") != 0))
     throw std::invalid_argument("--map objects: not together with --check or the policy cuda");
+  a.growth = a.growth || !a.growth_file.empty();
   a.projected = associate == "projected";
   a.uncertain_tracking = points == "uncertain", a.uncertain_fusion = fused == "uncertain";
   if (a.recording.empty()) a.recording = demo_recording(argv[0]);

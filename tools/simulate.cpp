@@ -12,10 +12,10 @@
 #include <CLI/CLI.hpp>
 
 #include <turbomap/io/recording_writer.hpp>
-#include <turbomap/io/trajectory.hpp>
 
 #include "simulation/calibration_file.hpp"
 #include "simulation/simulate.hpp"
+#include "simulation/walks.hpp"
 
 namespace {
 
@@ -47,9 +47,10 @@ void run(const arguments& args, int features) {
   sim::simulated_rig rig = rig_of(args);
   set_noise(args, rig);
   if (features > 0) rig.features = features;
-  const auto poses = args.trajectory == "builtin" ? sim::builtin_trajectory(rig.cameras[0].T_bc)
-                                                  : turbomap::read_trajectory(args.trajectory);
-  const turbomap::recording r = sim::simulate(poses, rig, args.options);
+  auto options = args.options;
+  if (args.trajectory == "corridor") options.scene.ahead = 60;  // or the last keyframes would see its end
+  const auto poses = sim::trajectory(args.trajectory, args.options.motion, rig.cameras[0].T_bc);
+  const turbomap::recording r = sim::simulate(poses, rig, options);
   turbomap::write_recording(args.out, r);
   const auto mapped =
       static_cast<double>(r.assoc_kp.size()) / static_cast<double>(std::max<std::size_t>(1, r.kp_xy.size()));
@@ -71,7 +72,10 @@ int main(int argc, char** argv) {
   auto& o = args.options;
   int features = 0;
   CLI::App app("Simulates a recording of local mapping, with the truth beside it.", "turbomap-simulate");
-  app.add_option("TRAJECTORY", args.trajectory, "TUM file (t x y z qx qy qz qw, body in world), or 'builtin'")
+  app.add_option(
+         "TRAJECTORY", args.trajectory,
+         "TUM file (t x y z qx qy qz qw, body in world), or 'builtin'; as long as --keyframes asks for: 'room', the "
+         "same room again and again, and 'corridor'")
       ->required();
   app.add_option("--camera", args.camera, "euroc, tum-vi, or a Kalibr calibration FILE.yaml")->capture_default_str();
   app.add_option("--out", args.out, "Directory of the recording")->required();

@@ -47,6 +47,10 @@ struct arguments {
   bool uncertain_fusion = false;                   ///< fusion's gate does
   bool queue = false;                              ///< in recorded time: stages are skipped while keyframes wait
   double deadline_ms = 0;                          ///< per keyframe; 0: none
+  int most_views = -1;                             ///< local_mapper_options::most_views; negative: its default
+  int behind = 0;                                  ///< so many first keyframes find the next one waiting
+  bool growth = false;                             ///< print medians per fifth of the keyframes
+  std::filesystem::path growth_file;               ///< the same per keyframe; empty: none
   std::filesystem::path json, trajectory, report;  ///< outputs; empty: none
   int repeat = 1;
 

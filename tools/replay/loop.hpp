@@ -31,6 +31,7 @@ struct replay_row {
   double insertion_ms = 0;  ///< into the store, and tracking's associations: part of 'process'
   double total_ms = 0;
   std::size_t points = 0, keyframes = 0, observations = 0;  ///< in the map afterwards
+  std::size_t points_seen = 0, views = 0;                   ///< the keyframe's points, and all their observations
 };
 
 /// What a replay leaves behind. Vectors by keyframe of the recording.
@@ -73,6 +74,7 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording& 
   o.covariances = a.uncertain_tracking || a.uncertain_fusion;
   o.fusion.covariances = a.uncertain_fusion;
   o.deadline_ms = a.deadline_ms;
+  if (a.most_views >= 0) o.most_views = a.most_views;
   o.enabled[mapping_stage::point_culling] = a.point_culling;
   o.enabled[mapping_stage::search] = a.search;
   o.enabled[mapping_stage::creation] = a.creation;
@@ -158,6 +160,12 @@ class replayer {
     row.points = world_.map().point_count();
     row.keyframes = world_.map().keyframe_count();
     row.observations = world_.map().observation_count();
+    for (std::size_t k = 0; k < keypoints_.size(); ++k) {
+      const auto p = traits::point_at(world_.map(), current, k);
+      if (p == typename traits::point{}) continue;
+      ++row.points_seen;
+      traits::for_each_observation(world_.map(), p, [&](const auto&, std::size_t) { ++row.views; });
+    }
     result_.rows.push_back(std::move(row));
   }
 
@@ -193,8 +201,10 @@ class replayer {
   turbomap::local_mapper_hooks<map_type> hooks() {
     turbomap::local_mapper_hooks<map_type> hooks;
     hooks.erasing = [this](const keyframe& k) { world_.remember(k); };
-    if (arguments_.queue)
+    if (arguments_.queue || arguments_.behind > 0)
       hooks.keyframes_wait = [this] {
+        if (query_ < arguments_.behind) return true;
+        if (!arguments_.queue) return false;
         const auto next = static_cast<std::size_t>(query_) + 1;
         return next < recording_.keyframe_count() && arrival_ms(query_ + 1) <= clock_ms_ + (now_ms() - began_);
       };

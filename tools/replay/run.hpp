@@ -14,6 +14,7 @@
 #include <turbomap/map/simple_map/simple_map.hpp>
 
 #include "check.hpp"
+#include "growth.hpp"
 #include "loop.hpp"
 #include "make_report.hpp"
 #include "print_outcome.hpp"
@@ -149,6 +150,11 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
   if (!arguments.quiet) {
     add_trajectory_errors<Camera>(recording, policy, result.T_cw, result.alive, o.json, arguments.bound);
     print_outcome(o.json, stages);
+  }
+  if (arguments.growth) {
+    const auto columns = growth_columns(result.rows);
+    o.json["growth"] = print_growth(columns);
+    if (!arguments.growth_file.empty()) write_growth(arguments.growth_file, columns);
   }
   if (arguments.check) {  // a recording without snapshots: properties that need no recorded truth
     o.json["exhaustive"] = {{"pairs", result.matches.pairs},

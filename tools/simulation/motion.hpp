@@ -12,8 +12,6 @@
 #include <Eigen/Geometry>
 
 #include <turbomap/io/recording_data.hpp>
-#include <turbomap/io/trajectory.hpp>
-
 #include "motion_spline.hpp"
 #include "random.hpp"
 #include "rig.hpp"
@@ -32,25 +30,6 @@ struct motion_options {
   double drift_metres_per_metre = 1e-3;  ///< standard deviation of the position's random walk, per metre travelled
   double drift_radians_per_metre = 2e-4;
 };
-
-/// A smooth closed walk, twice around: no file needed. The camera looks ahead and outward; loops are 2.4 m by 1.8 m.
-inline std::vector<stamped_pose> builtin_trajectory(const Eigen::Isometry3d& T_bc) {
-  std::vector<stamped_pose> poses;
-  constexpr double duration = 44, loop = 20;
-  for (int i = 0; i <= static_cast<int>(duration * 20); ++i) {
-    const double t = i / 20.0, a = two_pi * t / loop, yaw = a + 0.25 * two_pi - 0.9 + 0.5 * std::sin(3 * a);
-    const Eigen::Vector3d ahead(std::cos(yaw), std::sin(yaw), 0.25 * std::sin(2 * a));
-    Eigen::Isometry3d T_wc = Eigen::Isometry3d::Identity();
-    const Eigen::Vector3d z = ahead.normalized(), x = z.cross(Eigen::Vector3d(0.1 * std::sin(a), 0, 1)).normalized();
-    T_wc.linear() << x, z.cross(x), z;
-    T_wc.translation() << 2.4 * std::cos(a), 1.8 * std::sin(a), 1.3 + 0.3 * std::sin(2 * a + 0.4);
-    const Eigen::Isometry3d T_wb = T_wc * T_bc.inverse();
-    const Eigen::Quaterniond q(T_wb.linear());
-    const Eigen::Vector3d p = T_wb.translation();
-    poses.push_back({i * std::int64_t(50000000), {q.x(), q.y(), q.z(), q.w(), p.x(), p.y(), p.z()}});
-  }
-  return poses;
-}
 
 inline Eigen::Isometry3d pose_of(const body_state& s) {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();

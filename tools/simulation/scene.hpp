@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <iterator>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -22,6 +23,8 @@ struct scene_options {
   int boxes = 12;                          ///< fewer where the path leaves no room
   double box_least = 0.4, box_most = 1.4;  ///< m, side lengths
   double box_clearance = 0.5;              ///< m, least distance between a box and the path
+  double ahead = 0;           ///< m: the room, and what is made to be seen, go on beyond the end of the path
+  double view_distance = 25;  ///< m: a point is made to be seen from a place of the path that is no farther, if any is
 };
 
 /// A point on a surface and how it looks: from `range_max` on the finest pyramid level sees it, coarser ones from
@@ -35,7 +38,8 @@ struct scene_point {
 class scene {
  public:
   /// A room for a path of camera centres.
-  scene(const std::vector<Eigen::Vector3d>& path, const scene_options& options, std::uint64_t seed) : seed_(seed) {
+  scene(const std::vector<Eigen::Vector3d>& path, const scene_options& options, std::uint64_t seed)
+      : seed_(seed), view_distance_(options.view_distance) {
     for (const auto& p : path) room_.extend(p);
     const Eigen::Vector3d margin(options.wall_distance, options.wall_distance, options.floor_distance);
     room_ = {room_.min() - margin, room_.max() + margin};
@@ -87,7 +91,7 @@ class scene {
     const double turn = random.uniform(0, 2 * 3.14159265358979323846);
     p.tangent = Eigen::Vector3d::Zero();
     p.tangent[(axis + 1) % 3] = std::cos(turn), p.tangent[(axis + 2) % 3] = std::sin(turn);
-    const Eigen::Vector3d& from = viewpoints_[random.below(viewpoints_.size())];
+    const Eigen::Vector3d from = viewpoint(p.position, random);
     double weight = 0, at = 1;
     for (int o = 0; o < levels; ++o, at /= scale_factor) weight += at;
     double left = random.uniform() * weight, octave = -1;
@@ -98,6 +102,13 @@ class scene {
   }
 
  private:
+  Eigen::Vector3d viewpoint(const Eigen::Vector3d& of, random_stream& random) const {
+    std::vector<Eigen::Vector3d> near;
+    std::copy_if(viewpoints_.begin(), viewpoints_.end(), std::back_inserter(near),
+                 [&](const Eigen::Vector3d& v) { return (v - of).norm() <= view_distance_; });
+    const auto& all = near.empty() ? viewpoints_ : near;
+    return all[random.below(all.size())];
+  }
   void add_face_areas(const Eigen::AlignedBox3d& box) {
     const Eigen::Vector3d s = box.sizes();
     for (int axis = 0; axis < 3; ++axis)
@@ -122,6 +133,7 @@ class scene {
   }
 
   std::uint64_t seed_;
+  double view_distance_;
   Eigen::AlignedBox3d room_;
   std::vector<Eigen::AlignedBox3d> boxes_;
   std::vector<double> areas_;  ///< cumulative, six faces a box, the room first

@@ -116,6 +116,8 @@ inline recording simulate(const std::vector<stamped_pose>& poses, const simulate
   const planned_motion plan = plan_motion(motion, options.motion);
   std::vector<Eigen::Vector3d> path;
   for (const timed_body& f : plan.frames) path.push_back(f.body.p_wb);
+  const Eigen::Vector3d end = path.back(), onward = (end - path[path.size() / 2]).normalized();
+  for (double d = 0.05; d < options.scene.ahead; d += 0.05) path.push_back(end + d * onward);
   std::vector<Eigen::Isometry3d> T_wb;
   for (const std::size_t f : plan.keyframes) T_wb.push_back(pose_of(plan.frames[f].body));
   const auto drifting = drifting_poses(T_wb, options.motion, options.seed);

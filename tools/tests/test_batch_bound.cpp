@@ -6,6 +6,7 @@
 
 #include "replay/trajectory_errors.hpp"
 #include "simulation/simulate.hpp"
+#include "simulation/walks.hpp"
 
 #include <map>
 #include <set>

@@ -5,6 +5,7 @@
 
 #include "replay/loop.hpp"
 #include "simulation/simulate.hpp"
+#include "simulation/walks.hpp"
 
 #include <turbomap/map/map_edit.hpp>
 #include <turbomap/map/simple_map/simple_map.hpp>

@@ -6,6 +6,7 @@
 #include "replay/arguments.hpp"
 #include "simulation/calibration_file.hpp"
 #include "simulation/simulate.hpp"
+#include "simulation/walks.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -105,6 +106,21 @@ TEST_CASE("the motion's derivatives are those of its poses") {
     CHECK((sim::log_so3(before.R_wb.conjugate() * after.R_wb) / dt - now.angular_velocity).norm() < 1e-5);
   }
   CHECK_THROWS_AS(sim::motion_spline({{0, {}}, {100, {}}}, 0.1), std::invalid_argument);
+}
+
+TEST_CASE("long walks: a room is seen again and again, a corridor not") {
+  const sim::simulated_rig rig = sim::euroc_rig();
+  sim::simulation_options options;
+  options.motion.most_keyframes = 60;
+  // How many points of keyframe 10 keyframe 50 sees again: one lap later.
+  const auto seen_again = [&](const char* walk) {
+    const auto r = sim::simulate(sim::trajectory(walk, options.motion, rig.cameras[0].T_bc), rig, options);
+    REQUIRE(r.keyframe_count() == 60);
+    return same_points(r, 10, 50).size();
+  };
+  CHECK(seen_again("room") > 100);
+  CHECK(seen_again("corridor") < 30);
+  CHECK_THROWS_AS(sim::trajectory("no_such_file", options.motion, rig.cameras[0].T_bc), std::runtime_error);
 }
 
 TEST_CASE("descriptors: the same point at 38, different ones at 119") {
