@@ -77,6 +77,7 @@ class local_mapper {
         due_(ctx) {
     static_assert(require_map_traits<Map>());
     require(options.deadline_ms >= 0, "options.deadline_ms", options.deadline_ms, "must not be negative");
+    require(options.most_views >= 0, "options.most_views", options.most_views, "must not be negative");
     require(options.neighbours.stereo_baseline >= 0, "options.neighbours.stereo_baseline",
             options.neighbours.stereo_baseline, "must not be negative");
     check(options.keyframe_culling);
@@ -239,6 +240,7 @@ class local_mapper {
   appearance_options appearance() const {
     appearance_options options;
     options.scales = options_.fusion.search.scales;
+    options.most_views = options_.most_views;
     if constexpr (detail::map_has_v<Map, detail::map_covariance_member>) {
       options.covariance = options_.covariances;
       options.stereo_correlation = options_.adjustment.stereo_correlation;

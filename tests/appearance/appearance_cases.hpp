@@ -59,7 +59,7 @@ observed_points observe_anything(const std::vector<turbomap::posed_keyframe<Desc
   std::mt19937 random(seed);
   const auto below = [&random](int n) { return static_cast<int>(random() % static_cast<unsigned>(n)); };
   observed_points points;
-  std::vector<int> counts{0, 1, 2, 3, 4, 5, 7, 8, 9, 15, 16, 17, 62, 63, 64, 65, 66, 129, 0};
+  std::vector<int> counts{0, 1, 2, 3, 4, 5, 7, 8, 9, 15, 16, 17, 62, 63, 64, 65, 66, 127, 128, 129, 0};
   for (int i = 0; i < 60; ++i) counts.push_back(below(20));
   for (const int count : counts) {
     std::vector<turbomap::point_observation> seen;
@@ -115,9 +115,12 @@ void check_update(const Policy& policy, const test_rig<Camera>& rig, unsigned se
   scene<Descriptor, Camera> s(rig, recipe);
   const auto keyframes = s.neighbours();
   const observed_points points = observe_anything(keyframes, seed);
+  const int bounds[]{0, 64, 5, 16};
+  int bound = 0;
   for (const auto [descriptors, geometry] :
-       {std::array{true, true}, std::array{true, false}, std::array{false, true}}) {
+       {std::array{true, true}, std::array{true, false}, std::array{false, true}, std::array{true, true}}) {
     turbomap::appearance_options options;
+    options.most_views = bounds[bound++];
     options.scales = s.scales(), options.descriptors = descriptors, options.geometry = geometry;
     options.covariance = geometry, options.stereo_correlation = descriptors ? 0.5 : 0;
     const auto got = update_under(policy, s, points, options);
@@ -351,6 +354,7 @@ void check_update_arguments() {
     CHECK(message(points.view(), good, options).find(name) != std::string::npos);
   };
   refused_option("options.covariance", [](auto& o) { o.covariance = true, o.geometry = false; });
+  refused_option("options.most_views = -1", [](auto& o) { o.most_views = -1; });
   refused_option("options.stereo_correlation = 1", [](auto& o) { o.stereo_correlation = 1; });
   refused_scales("options.scales.levels = 0", {1.2F, 0});
   refused_scales("options.scales.levels = 257", {1.2F, 257});

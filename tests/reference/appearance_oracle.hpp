@@ -93,27 +93,36 @@ std::vector<turbomap::point_appearance> appearance_oracle(
     const std::vector<turbomap::point_observation> seen(view.observations + view.observation_offset[i],
                                                         view.observations + view.observation_offset[i + 1]);
     if (seen.empty()) continue;
+    std::vector<turbomap::point_observation> chosen;  // at equal steps, where there are too many
+    std::vector<int> number;
+    const auto n = static_cast<int>(seen.size());
+    const int take = options.most_views == 0 || options.most_views > n ? n : options.most_views;
+    for (int j = 0; j < take; ++j) {
+      number.push_back(static_cast<int>(std::floor(static_cast<double>(j) * n / take)));
+      chosen.push_back(seen[static_cast<std::size_t>(number.back())]);
+    }
     if (options.descriptors) {
       std::vector<const typename Descriptor::element*> descriptors;
-      for (const auto& o : seen)
+      for (const auto& o : chosen)
         descriptors.push_back(keyframes[static_cast<std::size_t>(o.keyframe)].view.descriptor_of(o.keypoint));
-      points.back().medoid = oracle_medoid<Descriptor>(descriptors);
+      points.back().medoid = number[static_cast<std::size_t>(oracle_medoid<Descriptor>(descriptors))];
     }
     if (!options.geometry) continue;
     if (options.covariance) points.back().covariance = oracle_covariance(view, i, keyframes, options);
     const Eigen::Vector3d x(view.position[i].x, view.position[i].y, view.position[i].z);
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     int in_reference = -1;  // the keypoint that says the octave
-    for (const auto& o : seen) {
+    for (const auto& o : chosen) {
       const auto& keyframe = keyframes[static_cast<std::size_t>(o.keyframe)];
       const Eigen::Vector3d ray = x - oracle_centre(keyframe, keyframe.view.camera_of(o.keypoint));
       if (ray.norm() > 0) sum += ray / ray.norm();
-      if (o.keyframe == view.reference[i] && in_reference < 0) in_reference = o.keypoint;
     }
+    for (const auto& o : seen)
+      if (o.keyframe == view.reference[i] && in_reference < 0) in_reference = o.keypoint;
     const auto& reference = keyframes[static_cast<std::size_t>(view.reference[i])];
     for (auto o = seen.rbegin(); o != seen.rend(); ++o)
       if (o->keyframe == view.reference[i] && reference.view.camera_of(o->keypoint) == 0) in_reference = o->keypoint;
-    sum /= static_cast<double>(seen.size());
+    sum /= static_cast<double>(chosen.size());
     points.back().normal = {static_cast<float>(sum.x()), static_cast<float>(sum.y()), static_cast<float>(sum.z())};
     const double most =
         (x - oracle_centre(reference, 0)).norm() * oracle_scale(options.scales, reference.view.octave[in_reference]);

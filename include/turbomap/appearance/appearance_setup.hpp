@@ -38,6 +38,7 @@ detail::appearance_inputs<Descriptor, Camera> set_up_appearance(
   detail::appearance_inputs<Descriptor, Camera> in{};
   in.cameras = 1;
   for (const auto& k : keyframes) in.cameras = k.view.camera_count > in.cameras ? k.view.camera_count : in.cameras;
+  in.most_views = options.most_views;
   in.last_level = options.scales.levels - 1;
   buffers.points.resize_discard(count);
   buffers.descriptors.resize_discard(options.descriptors ? count * Descriptor::elements : 0);

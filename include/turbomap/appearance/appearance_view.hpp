@@ -38,6 +38,10 @@ struct appearance_options {
   bool geometry = true;     ///< compute normals and distance ranges
   bool covariance = false;  ///< compute how well positions are known, from the pixels of all views; needs geometry
   double stereo_correlation = 0;  ///< for that: of the errors of u and u_right, in [0, 1)
+  /// Of a point with n > most_views views, these stand for all in the choice of the descriptor and in the mean of the rays: the
+  /// views floor(j n / most_views), j = 0 ... most_views - 1, in the order of the call. 0: all take part, as in [ORB-SLAM3]; the
+  /// cost is quadratic. The default is measured: docs/performance.md, Growth.
+  int most_views = 128;
 };
 
 /// What a point is after its observations or its position have changed. Without observations everything is 0.

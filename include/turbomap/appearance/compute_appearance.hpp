@@ -39,6 +39,7 @@ struct appearance_inputs {
   double stereo_correlation;
   int cameras;  ///< the most of any keyframe
   int last_level;
+  int most_views;  ///< 0: all
 };
 
 /// Index = keyframe * cameras + camera: computes one camera centre, and keeps the camera's pose where covariances need it.
@@ -57,14 +58,28 @@ struct find_camera_centre {
   }
 };
 
-/// The observed descriptors of one point by number.
+/// Which views of a point take part: all, or `most` of them at equal steps in their order, beginning with the first.
+struct chosen_views {
+  int views;  ///< of the point
+  int count;  ///< that take part
+
+  TURBOMAP_HD chosen_views(int n, int most) : views(n), count(most > 0 && most < n ? most : n) {}
+  /// Number of the j-th, among all.
+  TURBOMAP_HD int operator()(int j) const {
+    return count == views ? j : static_cast<int>(static_cast<std::int64_t>(j) * views / count);
+  }
+};
+
+/// The observed descriptors of one point, those that take part, by number.
 template <class Descriptor, class Camera>
 struct observed_descriptors {
   const keyframe_view<Descriptor, Camera>* keyframes;
   const point_observation* observations;
+  chosen_views chosen;
 
   TURBOMAP_HD const typename Descriptor::element* operator()(int j) const {
-    return keyframes[observations[j].keyframe].descriptor_of(observations[j].keypoint);
+    const point_observation o = observations[chosen(j)];
+    return keyframes[o.keyframe].descriptor_of(o.keypoint);
   }
 };
 
@@ -93,21 +108,25 @@ struct compute_appearance {
     return cast<S>(in.position[i]) - cast<S>(in.centre[keyframe * in.cameras + camera]);
   }
   TURBOMAP_HD void measure(int i, const point_observation* seen, int n, point_appearance& p) const {
-    vec3<S> sum{S(0), S(0), S(0)};
     const int reference = in.reference[i];
     int keypoint = -1;  // of the point in its reference keyframe: camera 0's, else the first
     bool is_left = false;
     for (int j = 0; j < n; ++j) {
-      const keyframe_view<Descriptor, Camera>& keyframe = in.keyframes[seen[j].keyframe];
-      const int camera = keyframe.camera_of(seen[j].keypoint);
-      const vec3<S> r = ray(i, seen[j].keyframe, camera);
-      const S length = norm(r);
-      if (length > S(0)) sum = sum + (S(1) / length) * r;  // a point in the centre of a camera has no direction there
-      if (seen[j].keyframe != reference || is_left || (keypoint >= 0 && camera != 0)) continue;
+      if (seen[j].keyframe != reference || is_left) continue;
+      const int camera = in.keyframes[reference].camera_of(seen[j].keypoint);
+      if (keypoint >= 0 && camera != 0) continue;
       keypoint = seen[j].keypoint;
       is_left = camera == 0;
     }
-    const S count(n);
+    vec3<S> sum{S(0), S(0), S(0)};
+    const chosen_views chosen(n, in.most_views);
+    for (int j = 0; j < chosen.count; ++j) {
+      const point_observation o = seen[chosen(j)];
+      const vec3<S> r = ray(i, o.keyframe, in.keyframes[o.keyframe].camera_of(o.keypoint));
+      const S length = norm(r);
+      if (length > S(0)) sum = sum + (S(1) / length) * r;  // a point in the centre of a camera has no direction there
+    }
+    const S count(chosen.count);
     p.normal = {static_cast<float>((sum.x / count).value), static_cast<float>((sum.y / count).value),
                 static_cast<float>((sum.z / count).value)};
     // The range in float, as the recorded peer has it; the distance from camera 0, whichever camera saw the point.
@@ -141,13 +160,15 @@ struct compute_appearance {
   }
   TURBOMAP_HD void represent(int i, const point_observation* seen, int n, point_appearance& p) const {
     typename Descriptor::element* mine = descriptors + static_cast<std::size_t>(i) * Descriptor::elements;
-    const observed_descriptors<Descriptor, Camera> all{in.keyframes, seen};
+    const chosen_views chosen(n, in.most_views);
+    const observed_descriptors<Descriptor, Camera> all{in.keyframes, seen, chosen};
     if (n == 0) {
       std::memset(static_cast<void*>(mine), 0, Descriptor::bytes);
       return;
     }
-    p.medoid = Medoid::template find<Descriptor>(n, all);
-    std::memcpy(static_cast<void*>(mine), all(p.medoid), Descriptor::bytes);
+    const int medoid = Medoid::template find<Descriptor>(chosen.count, all);
+    std::memcpy(static_cast<void*>(mine), all(medoid), Descriptor::bytes);
+    p.medoid = chosen(medoid);
   }
 };
 

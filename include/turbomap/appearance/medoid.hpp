@@ -40,6 +40,18 @@ namespace detail {
 template <class Distance>
 using distance_key = decltype(distance_order(Distance()));
 
+/// The same, or 16 bits where all distances of a descriptor are known to be in [0, 65,000] (`greatest`): a table of them takes
+/// half the memory, and twice as many are compared at once.
+template <class Descriptor, class = void>
+struct table_key {
+  using type = distance_key<typename Descriptor::distance_type>;
+};
+template <class Descriptor>
+struct table_key<Descriptor, std::enable_if_t<std::is_integral_v<typename Descriptor::distance_type> &&
+                                              (Descriptor::greatest <= 65000)>> {
+  using type = std::uint16_t;
+};
+
 /// Halfway between two integers, rounded down, without overflow.
 template <class Key>
 TURBOMAP_HD Key midpoint(Key a, Key b) {
@@ -57,14 +69,16 @@ struct key_range {
 /// largest key. Fixed inner loops, so that they become SIMD at every level of optimisation.
 template <class Key>
 struct stored_distances {
-  static constexpr int step = 8;
+  static constexpr int step = 16;
   const Key* keys;
   int size;
 
   TURBOMAP_HD int count(Key bound) const {
-    int inside = 0;
+    Key lanes[step] = {};  // as wide as the keys: one vector
     for (int i = 0; i < size; i += step)
-      for (int l = 0; l < step; ++l) inside += keys[i + l] <= bound ? 1 : 0;
+      for (int l = 0; l < step; ++l) lanes[l] = static_cast<Key>(lanes[l] + (keys[i + l] <= bound ? 1 : 0));
+    int inside = 0;
+    for (int l = 0; l < step; ++l) inside += static_cast<int>(lanes[l]);
     return inside;
   }
   /// Only a row of `least_count` or more within the bound is looked at twice.
@@ -172,28 +186,46 @@ TURBOMAP_HD int medoid_without_memory(int n, const Descriptors& descriptors) {
   return detail::least_median<key>(n, detail::computed_rows<Descriptor, Descriptors>{descriptors, n});
 }
 
-/// So many descriptors get the table of their distances on the stack (16 KB for 32-bit distances); more go without.
-/// Not a limit: the answer is the same.
-inline constexpr int medoid_table_size = 64;
+/// So many descriptors get the table of their distances on the stack (32 KB for binary descriptors, 16 KB for other 32-bit
+/// distances); more go without. Not a limit: the answer is the same.
+template <class Descriptor>
+inline constexpr int medoid_table_size = sizeof(typename detail::table_key<Descriptor>::type) == 2 ? 128 : 64;
 
 /// The same where there is a stack: each pair is compared once where a table holds the distances. Not for kernels,
 /// whose threads would each get the table in device memory.
 template <class Descriptor, class Descriptors>
 TURBOMAP_HD int medoid_with_table(int n, const Descriptors& descriptors) {
   using distance = typename Descriptor::distance_type;
-  using key = detail::distance_key<distance>;
+  using key = typename detail::table_key<Descriptor>::type;
+  using element = typename Descriptor::element;
   constexpr int step = detail::stored_distances<key>::step;
-  static_assert(medoid_table_size % step == 0);
-  if (n <= 2 || n > medoid_table_size) return medoid_without_memory<Descriptor>(n, descriptors);
+  constexpr int most = medoid_table_size<Descriptor>;
+  static_assert(most % step == 0);
+  if (n <= 2 || n > most) return medoid_without_memory<Descriptor>(n, descriptors);
   const int stride = (n + step - 1) / step * step;
-  key table[medoid_table_size * medoid_table_size];
-  const typename Descriptor::element* elements[medoid_table_size];
+  key table[most * most];
+  // Short descriptors are copied first: they come from as many places of memory, and waiting for all of them at once is
+  // shorter than for one after the other.
+  constexpr bool copied = Descriptor::bytes <= 64;
+  alignas(32) element copies[copied ? most * Descriptor::elements : 1];
+  const element* places[copied ? 1 : most];
+  for (int i = 0; i < n; ++i)
+    if constexpr (copied)
+      std::memcpy(static_cast<void*>(copies + i * Descriptor::elements), descriptors(i), Descriptor::bytes);
+    else
+      places[i] = descriptors(i);
+  const auto at = [&](int i) -> const element* {
+    if constexpr (copied)
+      return copies + i * Descriptor::elements;
+    else
+      return places[i];
+  };
   for (int i = 0; i < n; ++i) {
     key* row = table + i * stride;
-    elements[i] = descriptors(i);
+    const element* mine = at(i);
     for (int j = 0; j < i; ++j)
-      table[j * stride + i] = row[j] = distance_order(Descriptor::distance(elements[i], elements[j]));
-    row[i] = distance_order(distance(0));
+      table[j * stride + i] = row[j] = static_cast<key>(distance_order(Descriptor::distance(mine, at(j))));
+    row[i] = static_cast<key>(distance_order(distance(0)));
     for (int j = n; j < stride; ++j) row[j] = std::numeric_limits<key>::max();
   }
   return detail::least_median<key>(n, detail::stored_rows<key>{table, stride});

@@ -30,7 +30,10 @@ TURBOMAP_BEGIN_NAMESPACE
 /// \param result     overwritten. Under CUDA the work may still be running on return
 /// \throws std::invalid_argument  an index, offset, pose, position or option that cannot be; a reference keyframe that
 ///                                does not observe its point. The previous result stays
-/// Cost: n^2 / 2 descriptor distances for a point with n observations, n^2 on a device or above medoid_table_size.
+/// Of a point with more than options.most_views observations, so many stand for all: descriptor and normal are computed of
+/// those, range and covariance of all.
+/// Cost: n^2 / 2 descriptor distances for a point of which n observations take part, n^2 on a device or above
+/// medoid_table_size.
 template <class Descriptor, class Camera, class Policy>
 void update_appearance(context<Policy>& ctx, const appearance_view& view,
                        span<const posed_keyframe<Descriptor, Camera>> keyframes, const appearance_options& options,

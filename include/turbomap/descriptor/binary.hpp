@@ -75,6 +75,8 @@ struct binary_descriptor {
   static constexpr int bytes = Bits / 8;
   /// Farther than any two descriptors.
   static constexpr distance_type worst = std::numeric_limits<distance_type>::max();
+  /// No two are farther apart.
+  static constexpr distance_type greatest = Bits;
 
   /// Number of different bits, 0 to Bits. The descriptors may lie at any address.
   /// (Always inlined: nothing is left that the linker could merge with a version for another processor.)

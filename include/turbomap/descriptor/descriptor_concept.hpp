@@ -11,6 +11,8 @@
 ///       static constexpr int bytes = 256;       // elements * sizeof(element)
 ///       using distance_type = float;            // arithmetic; smaller is more alike
 ///       static constexpr distance_type worst = std::numeric_limits<float>::max();  // no distance is larger
+///       // Optional, for integers from 0: no distance between two descriptors is larger. Up to 65,000 it makes medoids faster.
+///       static constexpr distance_type greatest = 256;
 ///       static TURBOMAP_HD distance_type distance(const element* a, const element* b);
 ///     };
 ///

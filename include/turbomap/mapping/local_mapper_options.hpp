@@ -27,6 +27,7 @@ struct local_mapper_options {
   /// What contradicts itself in the map, or is not finite, ends process() with inconsistent_map. Off: it is noted in
   /// mapping_report::refused, and the work is done without it.
   bool strict = false;
+  int most_views = appearance_options{}.most_views;  ///< of a point, for its descriptor and normal; 0: all [ORB-SLAM3]
   neighbour_search_options neighbours;  ///< fusion and culling choose their keyframes by its `neighbourhood` too
   search_options search;
   creation_options creation;
