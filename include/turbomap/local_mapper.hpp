@@ -314,12 +314,14 @@ class local_mapper {
     targets.resize(fitting);
     report_.fusion_targets = fitting;
     fusion_.begin();
+    fusion_options options = options_.fusion;
+    options.stereo_correlation = options_.adjustment.stereo_correlation;
     timed(fuse_a_target, static_cast<double>(fitting),
-          [&] { report_.fused += fusion_.forward(s, current, targets, options_.fusion); });
+          [&] { report_.fused += fusion_.forward(s, current, targets, options); });
     if (!budget_.fits(fuse_back)) {
       cut(fuse_back);
     } else {
-      timed(fuse_back, 1, [&] { report_.fused += fusion_.backward(s, current, targets, options_.fusion); });
+      timed(fuse_back, 1, [&] { report_.fused += fusion_.backward(s, current, targets, options); });
     }
     due_.changed(fusion_.touched());
   }

@@ -17,6 +17,22 @@
 #include "scenes/watched_map.hpp"
 #include "support/policies.hpp"
 
+namespace turbomap_test {
+
+/// A map that keeps no covariances.
+struct forgetful_map : flat_map {
+  using flat_map::flat_map;
+};
+
+}  // namespace turbomap_test
+
+template <>
+struct turbomap::map_traits<turbomap_test::forgetful_map> : turbomap::map_traits<turbomap_test::flat_map> {
+  using map = turbomap_test::forgetful_map;
+  static void covariance() = delete;
+  static void set_covariance() = delete;
+};
+
 namespace {
 
 using namespace turbomap_test;
@@ -31,11 +47,11 @@ TEST_CASE_TEMPLATE("a fisheye rig of two cameras", Policy, TURBOMAP_TEST_POLICIE
 }
 
 /// A run, and what a fusion of its last keyframe takes.
-template <class Map>
+template <class Map, class Policy = sequential>
 struct prepared {
   mapping_scene<pinhole_camera> scene{pinhole_rig(50), mapping_recipe{}};
-  mapping_run<Map, sequential> run{scene, unfused({})};
-  turbomap::duplicate_fusion<Map, sequential> fusion{run.ctx};
+  mapping_run<Map, Policy> run{scene, unfused({})};
+  turbomap::duplicate_fusion<Map, Policy> fusion{run.ctx};
   turbomap::neighbourhood<Map> around;
   std::vector<turbomap::map_keyframe_id> targets;
   turbomap::fusion_options options;
@@ -109,6 +125,41 @@ TEST_CASE("points that are known badly are found farther away; exact ones as eve
   };
   CHECK(fuse(true, 0).first == fuse(false, 0).first);
   CHECK(fuse(true, 0.01F).second > fuse(false, 0.01F).second + 5);
+}
+
+TEST_CASE_TEMPLATE("a map without covariances is fused as one that keeps them", Policy, TURBOMAP_TEST_POLICIES) {
+  static_assert(!turbomap::detail::map_has_v<forgetful_map, turbomap::detail::map_covariance_member>);
+  const auto fuse = [](auto map, bool covariances, turbomap::fusion_mode mode) {
+    using map_type = decltype(map);
+    using traits = turbomap::map_traits<map_type>;
+    prepared<map_type, Policy> p;
+    p.options.mode = mode;
+    p.options.covariances = covariances, p.options.stereo_correlation = 0.5;
+    turbomap::appearance_options views;
+    views.covariance = true, views.stereo_correlation = 0.5;
+    turbomap::appearance_update<map_type, Policy> update(p.run.ctx);
+    const auto all = [&] {
+      std::vector<turbomap::map_point_id> points;
+      traits::for_each_point(p.run.map, [&](turbomap::map_point_id id) { points.push_back(id); });
+      return points;
+    };
+    for (const auto id : all()) {  // out of the exact gate
+      auto x = p.run.map.position(id);
+      x.x += 0.03;
+      traits::set_position(p.run.map, id, x);
+    }
+    update(p.run.scope(p.held), all(), views);  // a map that keeps covariances has them up to date
+    auto entries = p.forward().entries;
+    update(p.run.scope(p.held), all(), views);
+    entries += p.backward().entries;
+    return std::make_pair(content(p.run.map), entries);
+  };
+  for (const auto mode : {turbomap::fusion_mode::snapshot, turbomap::fusion_mode::serial_exact}) {
+    const auto kept = fuse(flat_map(8), true, mode), computed = fuse(forgetful_map(8), true, mode);
+    if (mode == turbomap::fusion_mode::snapshot) CHECK(computed == kept);
+    CHECK(computed.second > fuse(forgetful_map(8), false, mode).second + 5);
+    CHECK(fuse(forgetful_map(8), false, mode) == fuse(flat_map(8), false, mode));
+  }
 }
 
 TEST_CASE("what died between search and commit is stale") {

@@ -57,6 +57,24 @@ class appearance_update {
     return updated;
   }
 
+  /// How well points are known by their positions, observations and poses of now, for a map that does not keep it: what
+  /// operator() would write to one that does. Nothing is changed.
+  /// \param result  of each point, overwritten; all 0 where it is dead, has no observer in the store, or was named before
+  /// \throws what operator() throws
+  void covariances(const scope& s, span<const point> points, appearance_options options,
+                   plain_vector<point_covariance>& result) {
+    options.descriptors = false, options.geometry = options.covariance = true;
+    snapshot(s, points);
+    result.assign(points.size(), {});
+    std::size_t at = 0;  // points_ are in the same order, some left out
+    compute_in_pieces(s, options, [&](std::size_t begin) {
+      for (const point_appearance& u : updated_) {
+        while (!(points[at] == points_[begin])) ++at;
+        result[at++] = u.covariance, ++begin;
+      }
+    });
+  }
+
   /// Positions and observations of the points, and poses of all their observers.
   void snapshot(const scope& s, span<const point> points) {
     const auto guard = s.guard();
@@ -111,14 +129,19 @@ class appearance_update {
 
   /// As many points at a time as the store has room for the observers of. Each point is computed by itself, so the result is
   /// the same; but a point whose own observers do not fit is described by as many of them as do.
-  std::size_t update(const scope& s, const appearance_options& options) {
+  /// `take(begin)` is called after each piece: updated_ is of the points from `begin` on.
+  template <class Take>
+  void compute_in_pieces(const scope& s, const appearance_options& options, Take take) {
     in_pieces(points_.size(), [&](std::size_t begin, std::size_t end) {
       if (end - begin > 1)
         compute(s, options, begin, end);
       else
         compute_one(s, options, begin);
-      commit(s, options, begin);
+      take(begin);
     });
+  }
+  std::size_t update(const scope& s, const appearance_options& options) {
+    compute_in_pieces(s, options, [&](std::size_t begin) { commit(s, options, begin); });
     return points_.size();
   }
   void compute_one(const scope& s, const appearance_options& options, std::size_t i) {

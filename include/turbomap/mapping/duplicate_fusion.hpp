@@ -64,6 +64,7 @@ class duplicate_fusion {
       snapshot_points(s, sources, options);
       snapshot_targets(s, targets);
     }
+    compute_covariances(s, options);
     compute(s, all_cameras, options.search);
     return commit(s, options.commit);
   }
@@ -87,6 +88,7 @@ class duplicate_fusion {
           for (const point& p : points) snapshot_.add_point(s.map, p);
           snapshot_targets(s, span<const keyframe>(&target, 1));
         }
+        compute_covariances(s, options);
         compute(s, c, options.search);
         summary += commit(s, options.commit);
         cameras = targets_.size() == 0 ? 1 : cameras_[0];
@@ -114,6 +116,15 @@ class duplicate_fusion {
     snapshot_.note_observed(s.map, targets_, s.faults);
   }
 
+  /// Of a map that does not keep how well its points are known: from their views.
+  void compute_covariances([[maybe_unused]] const scope& s, [[maybe_unused]] const fusion_options& options) {
+    if constexpr (!detail::map_has_v<Map, detail::map_covariance_member>) {
+      if (!options.covariances) return;
+      appearance_options views;
+      views.scales = options.search.scales, views.stereo_correlation = options.stereo_correlation;
+      appearance_.covariances(s, snapshot_.points(), views, snapshot_.covariances());
+    }
+  }
   /// Searches the points in the targets, as many targets at a time as the store has room for: each is searched by itself, so
   /// the plan is the same. \param only_camera  of every target, or all_cameras
   void compute(const scope& s, int only_camera, const duplicate_options& options) {

@@ -95,6 +95,8 @@ class duplicate_snapshot {
             covariances_.empty() ? nullptr : covariances_.data()};
   }
   const list_of<point>& points() const { return points_; }
+  /// Of each point, or of none: for maps that do not keep them.
+  plain_vector<point_covariance>& covariances() { return covariances_; }
   /// What find_duplicates() takes: [camera][point]. \param target  counted from the first that was marked
   span<const std::uint8_t> skip(std::size_t target) const {
     return {skip_.data() + begin_[target], begin_[target + 1] - begin_[target]};

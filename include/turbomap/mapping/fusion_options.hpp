@@ -31,9 +31,11 @@ struct fusion_options {
   fusion_mode mode = fusion_mode::snapshot;
   duplicate_options search;
   fusion_commit_options commit;
-  bool covariances =
-      false;  ///< the gate allows for how badly a point is known, where the map keeps that; false: all points
-              ///< are exact [ORB-SLAM3]
+  /// The gate allows for how badly a point is known: as the map keeps it, or, where its traits have no covariances, by the
+  /// pixels that show the point. False: all points are exact [ORB-SLAM3].
+  bool covariances = false;
+  /// Of those pixels: of the errors of u and u_right. local_mapper takes that of its adjustment.
+  double stereo_correlation = 0;
 };
 
 /// The counts of one or more commits.

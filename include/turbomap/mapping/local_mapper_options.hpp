@@ -22,7 +22,7 @@ struct local_mapper_options {
   per_stage<bool> enabled{{true, true, true, true, true, true, true}};  ///< for ablation
   double deadline_ms = 0;  ///< per keyframe; work that is expected to overrun is cut at a safe point. 0: none
   /// Keep how well points are known in the map, where its traits can write it (map_traits): for tracking, and for
-  /// fusion.covariances. Noise of the pixels as in `adjustment`.
+  /// fusion.covariances, which computes them itself for other maps. Noise of the pixels as in `adjustment`.
   bool covariances = false;
   /// What contradicts itself in the map, or is not finite, ends process() with inconsistent_map. Off: it is noted in
   /// mapping_report::refused, and the work is done without it.
