@@ -113,7 +113,7 @@ inline std::vector<scene_point> make_points(const scene& scene, const simulated_
 inline recording simulate(const std::vector<stamped_pose>& poses, const simulated_rig& rig,
                           const simulation_options& options) {
   const motion_spline motion(poses, options.motion.knot_seconds);
-  const planned_motion plan = plan_motion(motion, options.motion);
+  const planned_motion plan = plan_motion(motion, options.motion, rig.baseline == 0);
   std::vector<Eigen::Vector3d> path;
   for (const timed_body& f : plan.frames) path.push_back(f.body.p_wb);
   const Eigen::Vector3d end = path.back(), onward = (end - path[path.size() / 2]).normalized();

@@ -368,6 +368,29 @@ TEST_CASE("a monocular recording has no depth, and starts with points of two vie
   CHECK(r.associations(1).size() > 30);
 }
 
+TEST_CASE("a monocular map begins with two views that have parallax, a stereo map at once") {
+  // At rest for 2 s, then on the spot around by 1.5 rad in 2 s, then straight on.
+  std::vector<turbomap::stamped_pose> poses;
+  for (int i = 0; i <= 160; ++i) {
+    const double t = i * 0.05, turn = std::clamp((t - 2) * 0.75, 0.0, 1.5), x = 0.5 * std::max(t - 4, 0.0);
+    poses.push_back({i * std::int64_t{50000000}, {0, 0, std::sin(turn / 2), std::cos(turn / 2), x, 0, 0}});
+  }
+  const sim::motion_options options;
+  const sim::motion_spline motion(poses, options.knot_seconds);
+  const auto bodies = [&](bool monocular) {
+    const sim::planned_motion plan = sim::plan_motion(motion, options, monocular);
+    std::vector<sim::body_state> all;
+    for (const std::size_t k : plan.keyframes) all.push_back(plan.frames[k].body);
+    REQUIRE(all.size() > 4);
+    return all;
+  };
+  const auto one = bodies(true), two = bodies(false);
+  CHECK((one[1].p_wb - one[0].p_wb).norm() >= options.first_metres);
+  CHECK(one[1].R_wb.angularDistance(one[0].R_wb) < options.monocular_share * options.keyframe_radians);
+  CHECK((one[2].p_wb - one[1].p_wb).norm() < 0.75 * options.keyframe_metres);
+  CHECK((two[1].p_wb - two[0].p_wb).norm() < 0.01);
+}
+
 TEST_CASE("inertial data integrate to the motion") {
   const recording& r = tum_vi();
   REQUIRE(r.has_imu());
