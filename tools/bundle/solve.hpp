@@ -77,7 +77,7 @@ struct solution {
 };
 
 /// `assign(ctx, problem)` gives the problem its inputs.
-template <class Problem, class Policy, class Assign>
+template <class Problem, class Methods = turbomap::every_adjustment_method, class Policy, class Assign>
 solution<typename Problem::state> solve(const Policy& policy, int repeat, const turbomap::adjustment_options& options,
                                         Assign assign) {
   counting_resource counted(turbomap::default_resource(turbomap::memory_of_t<Policy>{}));
@@ -90,10 +90,10 @@ solution<typename Problem::state> solve(const Policy& policy, int repeat, const 
   for (int i = 0; i < repeat; ++i) {
     const stopwatch first;
     assign(ctx, problem);
-    turbomap::adjust<turbomap::every_adjustment_method>(ctx, problem, nothing);
+    turbomap::adjust<Methods>(ctx, problem, nothing);
     setup.push_back(first.ms()), cpu_setup.push_back(first.cpu_ms());
     const stopwatch second;
-    s.summary = turbomap::adjust<turbomap::every_adjustment_method>(ctx, problem, options);
+    s.summary = turbomap::adjust<Methods>(ctx, problem, options);
     adjust.push_back(second.ms()), cpu_adjust.push_back(second.cpu_ms());
   }
   s.ms_setup_first = setup.front();

@@ -10,6 +10,7 @@
 #include "check_creation.hpp"
 #include "check_culling.hpp"
 #include "check_fusion.hpp"
+#include "check_inertial_adjustment.hpp"
 #include "check_map_update.hpp"
 #include "check_preintegration.hpp"
 #include "check_search.hpp"
@@ -30,6 +31,7 @@ class checker {
         map_update_(scene_),
         culling_(scene_),
         adjustment_(recording, arguments.recording, policy, arguments.precision()),
+        inertial_adjustment_(recording, arguments.recording, policy, arguments.precision()),
         preintegration_(recording, arguments.recording, policy) {}
 
   void check(const turbomap::recording_snapshot& snapshot) {
@@ -42,7 +44,10 @@ class checker {
     if (arguments_.fusion) fusion_.check(at);
     if (arguments_.map_update) map_update_.check(at);
     if (arguments_.culling) culling_.check(at);
-    if (arguments_.adjustment) adjustment_.check(snapshot.iteration);
+    if (arguments_.adjustment) {
+      adjustment_.check(snapshot.iteration);
+      inertial_adjustment_.check(snapshot.iteration);
+    }
     if (arguments_.preintegration) preintegration_.check(snapshot.iteration);
   }
 
@@ -59,6 +64,7 @@ class checker {
     add(arguments_.map_update && has_map_update_, map_update_);
     add(arguments_.culling && has_culling_, culling_);
     add(arguments_.adjustment && !adjustment_.empty(), adjustment_);
+    add(arguments_.adjustment && !inertial_adjustment_.empty(), inertial_adjustment_);
     add(arguments_.preintegration && !preintegration_.empty(), preintegration_);
     return o;
   }
@@ -72,6 +78,7 @@ class checker {
   map_update_check<Camera, Policy> map_update_;
   culling_check<Camera, Policy> culling_;
   adjustment_check<Camera, Policy> adjustment_;
+  inertial_adjustment_check<Camera, Policy> inertial_adjustment_;
   preintegration_check<Policy> preintegration_;
   bool has_fusion_ = false, has_map_update_ = false, has_culling_ = false;
 };

@@ -17,18 +17,11 @@
 #include <turbomap/io/recording.hpp>
 #include "readers/recording_snapshot_adjustment.hpp"
 
+#include "adjustment_comparison.hpp"
 #include "bundle/recorded_problem.hpp"
 #include "bundle/solve.hpp"
 
 namespace turbomap_replay {
-
-/// The camera model with parameters in double.
-template <class Camera>
-struct in_double;
-template <template <class> class Camera, class T>
-struct in_double<Camera<T>> {
-  using type = Camera<double>;
-};
 
 /// What the comparison has to hold.
 struct adjustment_bounds {
@@ -62,11 +55,13 @@ class adjustment_check {
     options.max_iterations = s->iterations, options.initial_lambda = s->initial_lambda;
     const auto ours = turbomap_bundle::solve_rig(policy_, repeat_, options, problem);
 
-    std::vector<turbomap::isometry<double>> T_ours, T_peer;
+    std::vector<turbomap::isometry<double>> T_ours;
+    const auto T_peer = peer_poses(*s);
     for (std::size_t i = 0; i < s->keyframe.size(); ++i) {
       T_ours.push_back(turbomap::to_isometry<double>(ours.frames[i]));
-      T_peer.push_back(i < s->optimised ? pose_of(s->pose_after[i]) : turbomap::to_isometry<double>(s->T_cw_after[i]));
-      if (s->fixed[i] == 0) compare(T_ours.back(), T_peer.back());
+      if (s->fixed[i] != 0) continue;
+      const pose_difference d = compare_poses(T_ours.back(), T_peer[i]);
+      metres_.push_back(d.metres), radians_.push_back(d.radians);
     }
     const auto our_costs = turbomap_bundle::observation_costs(problem, T_ours, ours.landmarks);
     const auto peer_costs = turbomap_bundle::observation_costs(problem, T_peer, s->position_after_exact);
@@ -85,55 +80,29 @@ class adjustment_check {
   void add_json(nlohmann::json& json) const {
     using turbomap_bundle::median;
     json["adjustment"] = {{"problems", ratios_.size()},
-                          {"chi2_ratio_max", largest(ratios_)},
+                          {"chi2_ratio_max", largest_of(ratios_)},
                           {"chi2_ratio_median", median(ratios_)},
-                          {"pose_max_m", largest(metres_)},
-                          {"pose_max_rad", largest(radians_)},
+                          {"pose_max_m", largest_of(metres_)},
+                          {"pose_max_rad", largest_of(radians_)},
                           {"pose_median_m", median(metres_)},
                           {"pose_median_rad", median(radians_)},
                           {"outlier_agree", outlier_agree()},
                           {"outliers", either_},
                           {"ms_median", median(ms_)},
-                          {"ms_mean", mean(ms_)},
-                          {"cpu_ms_mean", mean(cpu_ms_)}};
+                          {"ms_mean", mean_of(ms_)},
+                          {"cpu_ms_mean", mean_of(cpu_ms_)}};
     if (peer_at_.size() != ratios_.size()) return;
-    json["adjustment"]["peer_ms_median"] = median(peer_at_), json["adjustment"]["peer_ms_mean"] = mean(peer_at_);
+    json["adjustment"]["peer_ms_median"] = median(peer_at_), json["adjustment"]["peer_ms_mean"] = mean_of(peer_at_);
   }
   bool good() const {
     using turbomap_bundle::median;
-    return largest(ratios_) <= bounds_.worst_cost_ratio && median(ratios_) <= bounds_.median_cost_ratio &&
-           largest(metres_) <= bounds_.pose_m && largest(radians_) <= bounds_.pose_rad &&
+    return largest_of(ratios_) <= bounds_.worst_cost_ratio && median(ratios_) <= bounds_.median_cost_ratio &&
+           largest_of(metres_) <= bounds_.pose_m && largest_of(radians_) <= bounds_.pose_rad &&
            median(metres_) <= bounds_.median_pose_m && median(radians_) <= bounds_.median_pose_rad &&
            outlier_agree() >= bounds_.outlier_agree;
   }
 
  private:
-  static turbomap::isometry<double> pose_of(const std::array<double, 12>& p) {
-    turbomap::isometry<double> T;
-    std::copy_n(p.begin(), 9, T.R.m);
-    T.t = {p[9], p[10], p[11]};
-    return T;
-  }
-  /// NaN where there is one.
-  static double largest(const std::vector<double>& v) {
-    double l = 0;
-    for (const double x : v) l = x > l || std::isnan(x) ? x : l;
-    return l;
-  }
-  static double mean(const std::vector<double>& v) {
-    double sum = 0;
-    for (const double x : v) sum += x;
-    return v.empty() ? 0 : sum / static_cast<double>(v.size());
-  }
-
-  /// Distance of the camera centres, angle of the rotation between.
-  void compare(const turbomap::isometry<double>& a, const turbomap::isometry<double>& b) {
-    metres_.push_back(turbomap::norm(turbomap::camera_centre(a) - turbomap::camera_centre(b)));
-    const auto d = a.R * turbomap::transpose(b.R);  // its antisymmetric part is sin(angle) times the axis
-    const turbomap::vec3<double> twice{d(2, 1) - d(1, 2), d(0, 2) - d(2, 0), d(1, 0) - d(0, 1)};
-    radians_.push_back(std::atan2(turbomap::norm(twice) / 2, (d(0, 0) + d(1, 1) + d(2, 2) - 1) / 2));
-  }
-
   void count_outliers(const turbomap::adjustment_snapshot& s,
                       const std::vector<turbomap_bundle::observation_cost>& costs) {
     for (std::size_t i = 0; i < costs.size(); ++i) {
