@@ -67,6 +67,16 @@ TEST_CASE("every kind of observation, solver and kind of numbers: as on the host
   }
 }
 
+TEST_CASE("a window of a thousand landmarks") {
+  const stream on;
+  const auto s = make_adjustment_scene(scene_kind::stereo, 24, 4, 1000, 3);
+  adjustment_options options = in_float64();
+  options.max_iterations = 5;
+  const auto a = adjust_scene(on.policy(), s, options);
+  check_as_host(a, adjust_scene(sequential{}, s, options));
+  check_repeated(a, adjust_scene(on.policy(), s, options));
+}
+
 TEST_CASE("factors of one's own") {
   const stream on;
   const auto s = make_adjustment_scene(scene_kind::mono, 6, 1, 60, 5);

@@ -5,7 +5,8 @@
 /// \file
 /// The pose of one frame from points that are held fixed: Levenberg and Marquardt's method on six unknowns, in rounds; after
 /// each, observations that do not fit are told as outliers and the next round does without them. Points that are not exact
-/// count less along the directions in which they are not known. One frame is the work of one thread.
+/// count less along the directions in which they are not known. One frame is the work of a team: of one thread, or of a block
+/// (cuda/adjust_poses.cuh), whose members share the observations and agree on all else.
 
 #include <cmath>
 #include <cstdint>
@@ -25,6 +26,14 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// A team of one thread. Members of a team compute the same but for the loops over observations, which they share.
+struct team_of_one {
+  static constexpr int rank = 0, size = 1;
+  /// Replaces each number by its sum over the members.
+  template <int N>
+  TURBOMAP_HD void sum(double (&)[N]) const {}
+};
+
 /// Index = frame. \tparam Exact  points are: `covariance` and `spread` are not read
 template <class Camera, bool Exact>
 struct adjust_one_pose {
@@ -41,40 +50,52 @@ struct adjust_one_pose {
   std::uint8_t* outlier;       ///< [observation]
   symmetric3<double>* spread;  ///< [observation] see weigh()
 
-  TURBOMAP_HD void operator()(int f) const {
-    const int first = begin[f], last = begin[f + 1];
-    posed_frame& r = result[f];
-    r = {guess[f], 0, 0, 0};
-    for (int i = first; i < last; ++i) outlier[i] = 0;
-    if (last - first < options.min_observations) return;
-    rigid_transform<double> T = normalised(guess[f]);
-    bool adjusted = false;
-    if constexpr (!Exact) weigh(first, last, T);
-    for (int round = 0; round < options.rounds; ++round) {
-      const bool robust = round < options.robust_rounds;
-      // [ORB-SLAM3] starts every round at the first guess: a pose that outliers have dragged away does not matter then.
-      rigid_transform<double> candidate = normalised(guess[f]);
-      if (!optimise(first, last, robust, candidate, r.cost)) return give_up(f, first, last);
-      T = candidate, adjusted = true;
-      if constexpr (!Exact) weigh(first, last, T);
-      r.inliers = classify(first, last, T);
-      if (r.inliers < options.min_observations) return give_up(f, first, last);
+  TURBOMAP_HD void operator()(int f) const { run(f, team_of_one{}); }
+
+  template <class Team>
+  TURBOMAP_HD void run(int f, const Team& team) const {
+    posed_frame r{guess[f], 0, 0, 0};
+    if (!adjust(f, team, r)) {
+      r = {guess[f], 0, 0, 0};
+      if (begin[f + 1] - begin[f] >= options.min_observations) for_each_of(f, team, [&](int i) { outlier[i] = 1; });
     }
-    if (adjusted) r.T_cw = T, r.adjusted = 1;
+    if (team.rank == 0) result[f] = r;
   }
 
  private:
-  TURBOMAP_HD void give_up(int f, int first, int last) const {
-    result[f] = {guess[f], 0, 0, 0};
-    for (int i = first; i < last; ++i) outlier[i] = 1;
+  /// Calls g(i) for the observations of a frame that a member of the team has: the same ones each time.
+  template <class Team, class Function>
+  TURBOMAP_HD void for_each_of(int f, const Team& team, const Function& g) const {
+    for (int i = begin[f] + team.rank; i < begin[f + 1]; i += team.size) g(i);
+  }
+
+  /// False: the frame cannot be adjusted.
+  template <class Team>
+  TURBOMAP_HD bool adjust(int f, const Team& team, posed_frame& r) const {
+    for_each_of(f, team, [&](int i) { outlier[i] = 0; });
+    if (begin[f + 1] - begin[f] < options.min_observations) return false;
+    const rigid_transform<double> start = normalised(guess[f]);
+    if constexpr (!Exact) weigh(f, team, start);
+    for (int round = 0; round < options.rounds; ++round) {
+      const bool robust = round < options.robust_rounds;
+      // [ORB-SLAM3] starts every round at the first guess: a pose that outliers have dragged away does not matter then.
+      r.T_cw = start;
+      if (!optimise(f, team, robust, r.T_cw, r.cost)) return false;
+      if constexpr (!Exact) weigh(f, team, r.T_cw);
+      r.inliers = classify(f, team, r.T_cw);
+      if (r.inliers < options.min_observations) return false;
+    }
+    r.adjusted = 1;
+    return true;
   }
 
   /// Where points are not exact: the covariance of each observation's residual, sigma^2 I + J Sigma J^T at this pose, as its
   /// Cholesky factor. Constant until the next pose of a round: the cost of a step can be compared with that before it.
-  TURBOMAP_HD void weigh(int first, int last, const rigid_transform<double>& T_cw) const {
+  template <class Team>
+  TURBOMAP_HD void weigh(int f, const Team& team, const rigid_transform<double>& T_cw) const {
     const isometry<double> T = to_isometry<double>(T_cw);
     const mat3<double> R_wb = transpose(T.R);
-    for (int i = first; i < last; ++i) {
+    for_each_of(f, team, [&](int i) {
       lane_reprojection<double, double, 1> r{};
       vec3<pack<double, 1>> X;
       const bool stereo = project<true>(i, T, r, X);
@@ -84,7 +105,7 @@ struct adjust_one_pose {
           by_X[k] = R_wb * vec3<double>{r.d[k][0].v[0], r.d[k][1].v[0], r.d[k][2].v[0]};
       spread[i] = spread_of_difference(projected_covariance(to_symmetric<double>(covariance[i]), by_X), stereo,
                                        1 / information[i], 0.0);
-    }
+    });
   }
 
   /// The rows of an observation, and the point in body coordinates. Returns whether there is a third one.
@@ -139,29 +160,35 @@ struct adjust_one_pose {
     return chi2;
   }
 
-  TURBOMAP_HD double cost(int first, int last, bool robust, const rigid_transform<double>& T_cw) const {
+  template <class Team>
+  TURBOMAP_HD double cost(int f, const Team& team, bool robust, const rigid_transform<double>& T_cw) const {
     const isometry<double> T = to_isometry<double>(T_cw);
-    double total = 0;
-    for (int i = first; i < last; ++i) {
-      if (outlier[i] != 0) continue;
+    double total[1] = {};
+    for_each_of(f, team, [&](int i) {
+      if (outlier[i] != 0) return;
       double rho = 0;
       // What a step leaves undefined counts as 1000 px off.
       if (observe<false>(i, T, robust, nullptr, nullptr, rho) < 0) rho = 1e6 * information[i];
-      total += rho;
-    }
-    return total;
+      total[0] += rho;
+    });
+    team.sum(total);
+    return total[0];
   }
 
   /// Levenberg-Marquardt on the inliers. False: the cost at the start is not finite.
-  TURBOMAP_HD bool optimise(int first, int last, bool robust, rigid_transform<double>& T_cw, double& best) const {
-    best = cost(first, last, robust, T_cw);
+  template <class Team>
+  TURBOMAP_HD bool optimise(int f, const Team& team, bool robust, rigid_transform<double>& T_cw, double& best) const {
+    best = cost(f, team, robust, T_cw);
     if (!detail::is_finite(best)) return false;
     damping_control control;
     for (int iteration = 0; iteration < options.iterations;) {
       const isometry<double> T = to_isometry<double>(T_cw);
-      double H[21] = {}, b[6] = {}, rho;
-      for (int i = first; i < last; ++i)
+      double sums[27] = {}, *const H = sums, *const b = sums + 21;
+      for_each_of(f, team, [&](int i) {
+        double rho;
         if (outlier[i] == 0) observe<true>(i, T, robust, H, b, rho);
+      });
+      team.sum(sums);
       if (iteration == 0)
         for (int i = 0; i < 6; ++i)
           control.lambda = larger(control.lambda, options.initial_lambda_scale * H[i * (i + 1) / 2 + i]);
@@ -173,7 +200,7 @@ struct adjust_one_pose {
           for (int i = 0; i < 6; ++i) predicted += x[i] * (control.lambda * x[i] + b[i]);
           if (!(predicted > 1e-14 * best)) return true;
           const rigid_transform<double> moved = left_exp(x, T_cw);
-          const double after = cost(first, last, robust, moved);
+          const double after = cost(f, team, robust, moved);
           accepted = control.accepts(best, after, predicted);
           if (accepted) best = after, T_cw = moved;
         } else {
@@ -185,7 +212,7 @@ struct adjust_one_pose {
   }
 
   /// (H + lambda I) x = b
-  TURBOMAP_HD static bool solve(const double (&H)[21], const double (&b)[6], double lambda, double (&x)[6]) {
+  TURBOMAP_HD static bool solve(const double* H, const double* b, double lambda, double (&x)[6]) {
     double L[36];
     for (int i = 0, at = 0; i < 6; ++i)
       for (int j = 0; j <= i; ++j, ++at) L[i * 6 + j] = H[at] + (i == j ? lambda : 0);
@@ -197,10 +224,11 @@ struct adjust_one_pose {
   }
 
   /// Tells outliers from all observations: beyond the gate, behind the camera, not defined. Returns how many are none.
-  TURBOMAP_HD int classify(int first, int last, const rigid_transform<double>& T_cw) const {
+  template <class Team>
+  TURBOMAP_HD int classify(int f, const Team& team, const rigid_transform<double>& T_cw) const {
     const isometry<double> T = to_isometry<double>(T_cw);
-    int inliers = 0;
-    for (int i = first; i < last; ++i) {
+    double inliers[1] = {};
+    for_each_of(f, team, [&](int i) {
       const auto& c = cameras[camera == nullptr ? 0 : camera[i]];
       const bool stereo = c.bf > 0 && pixel[i].z >= 0;
       double rho;
@@ -209,9 +237,10 @@ struct adjust_one_pose {
       const bool good =
           chi2 >= 0 && chi2 <= (stereo ? options.stereo_chi2 : options.mono_chi2) && (depth > 0 || !c.straight);
       outlier[i] = good ? 0 : 1;
-      inliers += good ? 1 : 0;
-    }
-    return inliers;
+      inliers[0] += good ? 1 : 0;
+    });
+    team.sum(inliers);
+    return static_cast<int>(inliers[0]);
   }
 };
 
@@ -222,3 +251,7 @@ void launch_adjust_poses(const thrust::execution_policy<Derived>& policy, int fr
 }
 
 TURBOMAP_END_NAMESPACE
+
+#if TURBOMAP_HAS_CUDA
+#include "cuda/adjust_poses.cuh"
+#endif

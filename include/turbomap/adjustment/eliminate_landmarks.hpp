@@ -56,32 +56,49 @@ struct eliminate_landmarks {
   TURBOMAP_HD void operator()(int l) const {
     double h[9];
     detail::sum_rows(s, l, h);
+    const eliminated_landmark e = eliminate(l, h);
+    s.landmark[l] = e;
+    const factor inverse = factor_of(e);
+    for (int slot = s.landmark_slot[l]; slot < s.landmark_slot[l + 1]; ++slot) take_through(slot, inverse);
+  }
+
+  /// Landmark l from the sum of its rows.
+  TURBOMAP_HD eliminated_landmark eliminate(int l, const double (&h)[9]) const {
     eliminated_landmark e{};
     if (s.moves(l)) factorise(h, e);
     for (int i = 0; i < 3; ++i) e.b[i] = h[6 + i];
     e.c[0] = e.inverse[0] * h[6];
     e.c[1] = e.inverse[1] * h[6] + e.inverse[2] * h[7];
     e.c[2] = e.inverse[3] * h[6] + e.inverse[4] * h[7] + e.inverse[5] * h[8];
-    s.landmark[l] = e;
+    return e;
+  }
 
-    constexpr int n = column_lanes<V>;
-    using P = pack<A, n>;
+  /// The inverse of L, as columns are multiplied by it.
+  using P = pack<A, column_lanes<V>>;
+  struct factor {
     P inverse[6];
-    for (int i = 0; i < 6; ++i) inverse[i] = P(static_cast<A>(e.inverse[i]));
-    for (int slot = s.landmark_slot[l]; slot < s.landmark_slot[l + 1]; ++slot) {
-      P w[3] = {P(A(0)), P(A(0)), P(A(0))};
-      for (int k = s.slot_coupling[slot]; k < s.slot_coupling[slot + 1]; ++k) {
-        const A* coupling = s.sums.coupling + static_cast<std::ptrdiff_t>(k) * 3 * V;
-        for (int m = 0; m < 3; ++m) w[m] = w[m] + P::load(coupling + m * V);
-      }
-      // What a column's store leaves beyond it, the next column overwrites; the last one must not reach the next slot.
-      A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
-      const P z0 = w[0] * inverse[0], z1 = multiply_add(w[0], inverse[1], w[1] * inverse[2]);
-      const P z2 = multiply_add(w[0], inverse[3], multiply_add(w[1], inverse[4], w[2] * inverse[5]));
-      z0.store(z);
-      z1.store(z + V);
-      store_column(z + 2 * V, z2);
+  };
+  TURBOMAP_HD static factor factor_of(const eliminated_landmark& e) {
+    factor f;
+    for (int i = 0; i < 6; ++i) f.inverse[i] = P(static_cast<A>(e.inverse[i]));
+    return f;
+  }
+
+  /// Takes the coupling of a slot through the factor of its landmark.
+  TURBOMAP_HD void take_through(int slot, const factor& f) const {
+    const P(&inverse)[6] = f.inverse;
+    P w[3] = {P(A(0)), P(A(0)), P(A(0))};
+    for (int k = s.slot_coupling[slot]; k < s.slot_coupling[slot + 1]; ++k) {
+      const A* coupling = s.sums.coupling + static_cast<std::ptrdiff_t>(k) * 3 * V;
+      for (int m = 0; m < 3; ++m) w[m] = w[m] + P::load(coupling + m * V);
     }
+    // What a column's store leaves beyond it, the next column overwrites; the last one must not reach the next slot.
+    A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
+    const P z0 = w[0] * inverse[0], z1 = multiply_add(w[0], inverse[1], w[1] * inverse[2]);
+    const P z2 = multiply_add(w[0], inverse[3], multiply_add(w[1], inverse[4], w[2] * inverse[5]));
+    z0.store(z);
+    z1.store(z + V);
+    store_column(z + 2 * V, z2);
   }
 
  private:
@@ -128,3 +145,7 @@ void launch_eliminate_landmarks(const thrust::execution_policy<Derived>& policy,
 }
 
 TURBOMAP_END_NAMESPACE
+
+#if TURBOMAP_HAS_CUDA
+#include "cuda/eliminate_landmarks.cuh"
+#endif

@@ -141,3 +141,7 @@ void launch_reduce_blocks(const thrust::execution_policy<Derived>& policy, const
 }
 
 TURBOMAP_END_NAMESPACE
+
+#if TURBOMAP_HAS_CUDA
+#include "cuda/reduce_blocks.cuh"
+#endif

@@ -38,21 +38,27 @@ struct substitute_landmarks {
         for (int m = 0; m < 3; ++m)
           for (int v = 0; v < V; ++v) y[m] -= static_cast<double>(z[m * V + v]) * x[v];
       }
-      const double dx[3] = {e.inverse[0] * y[0] + e.inverse[1] * y[1] + e.inverse[3] * y[2],
-                            e.inverse[2] * y[1] + e.inverse[4] * y[2], e.inverse[5] * y[2]};
       double held[3] = {damping.lambda, damping.lambda, damping.lambda};
       if (damping.scaled) {
         double h[9];
         detail::sum_rows(s, l, h);
         held[0] = damping(h[0]), held[1] = damping(h[2]), held[2] = damping(h[5]);
       }
-      for (int k = 0; k < 3; ++k) {
-        to[l * landmark_stride + k] = from[l * landmark_stride + k] + dx[k];
-        gain += dx[k] * (held[k] * dx[k] + e.b[k]);
-      }
-      to[l * landmark_stride + 3] = 0;  // copied to the host with the others
+      move(l, y, held, gain);
     }
     predicted[i] = gain;
+  }
+
+  /// Moves landmark l. \param y  its L^-1 b - Z^T x   \param held  damping of its coordinates   \param gain  added to
+  TURBOMAP_HD void move(int l, const double (&y)[3], const double (&held)[3], double& gain) const {
+    const eliminated_landmark& e = s.landmark[l];
+    const double dx[3] = {e.inverse[0] * y[0] + e.inverse[1] * y[1] + e.inverse[3] * y[2],
+                          e.inverse[2] * y[1] + e.inverse[4] * y[2], e.inverse[5] * y[2]};
+    for (int k = 0; k < 3; ++k) {
+      to[l * landmark_stride + k] = from[l * landmark_stride + k] + dx[k];
+      gain += dx[k] * (held[k] * dx[k] + e.b[k]);
+    }
+    to[l * landmark_stride + 3] = 0;  // copied to the host with the others
   }
 };
 
@@ -74,3 +80,7 @@ void launch_substitute_landmarks(const thrust::execution_policy<Derived>& policy
 }
 
 TURBOMAP_END_NAMESPACE
+
+#if TURBOMAP_HAS_CUDA
+#include "cuda/substitute_landmarks.cuh"
+#endif

@@ -18,17 +18,42 @@ __global__ void __launch_bounds__(for_each_tuning::block_size) for_each_index_ke
   if (i < n) f(i);
 }
 
+namespace detail {
+
+template <class T>
+struct same_type {
+  using type = T;
+};
+
+}  // namespace detail
+
+/// Launches a kernel in the stream of a policy: `blocks` blocks of `threads` threads; none where `blocks` is 0.
+/// \param what    for the message of an error
+/// \param shared  bytes of dynamic shared memory
+template <class Derived, class... Parameters>
+void launch_kernel_with(const thrust::cuda_cub::execution_policy<Derived>& policy, const char* what, std::size_t shared,
+                        void (*kernel)(Parameters...), int blocks, int threads,
+                        typename detail::same_type<Parameters>::type... arguments) {
+  if (blocks <= 0) return;
+  void* pointers[] = {static_cast<void*>(&arguments)...};
+  // Not <<<>>>: its error would have to be asked for, and somebody else's (an event that is not ready) might be the answer.
+  check_cuda(cudaLaunchKernel(reinterpret_cast<const void*>(kernel), dim3(static_cast<unsigned>(blocks)),
+                              dim3(static_cast<unsigned>(threads)), pointers, shared, stream_of(policy)),
+             what);
+}
+/// The same without dynamic shared memory.
+template <class Derived, class... Parameters>
+void launch_kernel(const thrust::cuda_cub::execution_policy<Derived>& policy, const char* what,
+                   void (*kernel)(Parameters...), int blocks, int threads,
+                   typename detail::same_type<Parameters>::type... arguments) {
+  launch_kernel_with(policy, what, 0, kernel, blocks, threads, arguments...);
+}
+
 template <class Derived, class Function>
 void for_each_index(const thrust::cuda_cub::execution_policy<Derived>& policy, int n, Function f) {
   if (n <= 0) return;
-  constexpr unsigned block = for_each_tuning::block_size;
-  const auto kernel = for_each_index_kernel<Function>;
-  void* arguments[] = {&n, &f};
-  // Not <<<>>>: its error would have to be asked for, and somebody else's (an event that is not ready) might be the answer.
-  check_cuda(
-      cudaLaunchKernel(reinterpret_cast<const void*>(kernel), dim3((static_cast<unsigned>(n) + block - 1) / block),
-                       dim3(block), arguments, 0, stream_of(policy)),
-      "launch of for_each_index");
+  constexpr int block = for_each_tuning::block_size;
+  launch_kernel(policy, "launch of for_each_index", for_each_index_kernel<Function>, (n - 1) / block + 1, block, n, f);
 }
 
 template <class Derived>

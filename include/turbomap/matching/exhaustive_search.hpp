@@ -40,3 +40,7 @@ void launch_search_exhaustive(const thrust::execution_policy<Derived>& policy,
 }
 
 TURBOMAP_END_NAMESPACE
+
+#if TURBOMAP_HAS_CUDA
+#include "cuda/search_exhaustive.cuh"
+#endif

@@ -7,19 +7,18 @@
 /// sum of the frame, a lane the same elements of all of them; then the sums of the warps are added up, always in the same
 /// order, so the result has the same bits each time.
 
-#include <cuda_runtime_api.h>
-
 #include <cstddef>
 
 #include "../../config.hpp"
-#include "../../cuda/memory.cuh"
+#include "../../cuda/warp.cuh"
+#include "../../parallel.hpp"
 #include "../schur_view.hpp"
 #include "tuning.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
 template <class A, int V, int D>
-__global__ void __launch_bounds__(32 * sum_frames_tuning::warps) sum_frames_kernel(schur_view<A> s) {
+__global__ void __launch_bounds__(warp_size* sum_frames_tuning::warps) sum_frames_kernel(schur_view<A> s) {
   using chunk = landmark_block<V>;
   using whole = frame_block<D>;
   constexpr int warps = sum_frames_tuning::warps, per_lane = (whole::partial + 31) / 32;
@@ -59,14 +58,8 @@ __global__ void __launch_bounds__(32 * sum_frames_tuning::warps) sum_frames_kern
 
 template <int V, int D, class Derived, class A>
 void launch_sum_frames(const thrust::cuda_cub::execution_policy<Derived>& policy, const schur_view<A>& s) {
-  if (s.free_frames <= 0) return;
-  schur_view<A> view = s;
-  void* arguments[] = {&view};
-  // Not <<<>>>: its error would have to be asked for, and somebody else's (an event that is not ready) might be the answer.
-  check_cuda(cudaLaunchKernel(reinterpret_cast<const void*>(sum_frames_kernel<A, V, D>),
-                              dim3(static_cast<unsigned>(s.free_frames)), dim3(32 * sum_frames_tuning::warps),
-                              arguments, 0, stream_of(policy)),
-             "launch of sum_frames");
+  launch_kernel(policy, "launch of sum_frames", sum_frames_kernel<A, V, D>, s.free_frames,
+                warp_size * sum_frames_tuning::warps, s);
 }
 
 TURBOMAP_END_NAMESPACE

@@ -24,4 +24,24 @@ struct sum_frames_tuning {
   static constexpr int warps = 8;
 };
 
+/// launch_eliminate_landmarks, launch_substitute_landmarks: 8 lanes per landmark, which free frames see 5 to 30 times. A block
+/// has the landmarks of one index of substitute_landmarks.
+struct landmark_tuning {
+  static constexpr int lanes = 8;
+  static constexpr int landmarks = 16;
+  static constexpr int threads = lanes * landmarks;
+};
+
+/// launch_reduce_blocks: 4 warps per block of the matrix. Lists have up to a thousand entries, and a window about 500 blocks:
+/// one warp per scheduler of a large device if each had one.
+struct reduce_blocks_tuning {
+  static constexpr int warps = 4;
+};
+
+/// launch_adjust_poses: a block per frame, which has a few hundred to a thousand observations. The same for one frame and for
+/// thousands, so that the bits of a frame do not depend on the others.
+struct adjust_poses_tuning {
+  static constexpr int warps = 8;
+};
+
 TURBOMAP_END_NAMESPACE

@@ -1,0 +1,65 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// launch_adjust_poses() under a CUDA policy: a block per frame instead of one thread. Its threads share the observations of
+/// the frame; all else each of them computes for itself, from the same sums, so that they go the same way.
+
+#include "../../config.hpp"
+#include "../../cuda/warp.cuh"
+#include "../../parallel.hpp"
+#include "../adjust_pose.hpp"
+#include "tuning.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// The threads of a block as the team of a frame.
+class team_of_block {
+ public:
+  static constexpr int warps = adjust_poses_tuning::warps, size = warps * warp_size, most = 27;
+  /// Of the block, in shared memory.
+  struct memory {
+    double of_warp[warps][most];
+    double total[most];
+  };
+  int rank;
+
+  __device__ explicit team_of_block(memory& m) : rank(static_cast<int>(threadIdx.x)), memory_(m) {}
+
+  template <int N>
+  TURBOMAP_HD void sum(double (&x)[N]) const {
+    static_assert(N <= most);
+#if defined(__CUDA_ARCH__)  // the body that calls it is compiled for the host too
+    sum_warp(x, memory_.of_warp[rank / warp_size]);
+    __syncthreads();
+    if (rank < N) {
+      double total = 0;
+      for (int w = 0; w < warps; ++w) total += memory_.of_warp[w][rank];
+      memory_.total[rank] = total;
+    }
+    __syncthreads();
+    for (int i = 0; i < N; ++i) x[i] = memory_.total[i];
+#else
+    (void)x;
+#endif
+  }
+
+ private:
+  memory& memory_;
+};
+
+template <class Camera, bool Exact>
+__global__ void __launch_bounds__(team_of_block::size) adjust_poses_kernel(adjust_one_pose<Camera, Exact> work) {
+  __shared__ team_of_block::memory memory;
+  work.run(static_cast<int>(blockIdx.x), team_of_block(memory));
+}
+
+template <class Derived, class Camera, bool Exact>
+void launch_adjust_poses(const thrust::cuda_cub::execution_policy<Derived>& policy, int frames,
+                         const adjust_one_pose<Camera, Exact>& work) {
+  launch_kernel(policy, "launch of adjust_poses", adjust_poses_kernel<Camera, Exact>, frames, team_of_block::size,
+                work);
+}
+
+TURBOMAP_END_NAMESPACE
