@@ -56,7 +56,7 @@ inline void transpose(__m256d (&r)[4]) {
   r[2] = _mm256_permute2f128_pd(a, c, 0x31), r[3] = _mm256_permute2f128_pd(b, d, 0x31);
 }
 
-/// Columns first to first + 3 (or + 7) of up to 8 rows.
+/// As many columns as a vector has lanes, of up to 8 rows.
 inline void scatter_block(const pack<float, 8>* column, float* base, const int* index, int stride, int count) {
   __m256 r[8];
   for (int i = 0; i < 8; ++i) r[i] = __m256(column[i].v);
@@ -82,9 +82,14 @@ TURBOMAP_HD void scatter(const pack<T, N> (&column)[K], T* base, const int* inde
 #if TURBOMAP_X86_VECTORS && TURBOMAP_VECTOR_BYTES >= 32
   constexpr int block = 32 / static_cast<int>(sizeof(T));
   if constexpr (N == 8 && K >= block) {
-    for (int k = 0; k + block <= K; k += block) detail::scatter_block(column + k, base + k, index, stride, count);
-    // The last block overlaps the one before it: it writes some numbers twice, none beyond the row.
-    if constexpr (K % block != 0) detail::scatter_block(column + (K - block), base + (K - block), index, stride, count);
+    constexpr int rest = K % block, whole = K - rest;
+    for (int k = 0; k < whole; k += block) detail::scatter_block(column + k, base + k, index, stride, count);
+    if constexpr (rest != 0) {  // one by one: cheaper than one more block
+      T lanes[rest][N];
+      for (int k = 0; k < rest; ++k) column[whole + k].store(lanes[k]);
+      for (int l = 0; l < count; ++l)
+        for (int k = 0; k < rest; ++k) base[static_cast<long>(index[l]) * stride + whole + k] = lanes[k][l];
+    }
     return;
   }
 #endif
