@@ -55,7 +55,7 @@ struct cost_of_reprojections {
 };
 
 /// Index = chunk: chi2 (not robust; undefined_chi2 where not defined) and depth in its camera of each entry.
-template <class Camera, class Kernel>
+template <class Camera, class Kernel, int N>
 struct chi2_of_reprojections {
   reprojection_view<Camera, Kernel> group;
   const isometry<double>* T_bw;
@@ -65,19 +65,26 @@ struct chi2_of_reprojections {
 
   TURBOMAP_HD void operator()(int chunk) const {
     const observation_chunk& c = group.chunks[chunk];
+    if (c.kind % 2 == 1)
+      chunk_of<true>(c);
+    else
+      chunk_of<false>(c);
+  }
+
+ private:
+  template <bool Stereo>
+  TURBOMAP_HD void chunk_of(const observation_chunk& c) const {
+    using P = pack<double, N>;
     const auto& camera = group.cameras[c.kind / 2];
-    for (int i = c.begin; i < c.begin + c.count; ++i) {
-      lane_reprojection<double, double, 1> r{};
-      const auto body = transform(T_bw[c.frame], group.template points<double, 1>(landmarks, i));
-      const auto measured = group.template measurements<double, 1>(i);
-      if (c.kind % 2 == 1)
-        r.template compute<false, true>(camera, body, measured);
-      else
-        r.template compute<false, false>(camera, body, measured);
-      double s = r.e[0].v[0] * r.e[0].v[0] + r.e[1].v[0] * r.e[1].v[0];
-      if (c.kind % 2 == 1) s += r.e[2].v[0] * r.e[2].v[0];
-      chi2[i] = r.defined.v[0] > 0 ? s * group.information[i] : group.undefined_chi2;
-      depth[i] = (camera.is_body ? body : transform(camera.T_camera_body, body)).z.v[0];
+    for (int i = c.begin; i < c.begin + c.count; i += N) {  // padding is written too
+      lane_reprojection<double, double, N> r{};
+      const auto body = transform(T_bw[c.frame], group.template points<double, N>(landmarks, i));
+      r.template compute<false, Stereo>(camera, body, group.template measurements<double, N>(i));
+      P s = r.e[0] * r.e[0] + r.e[1] * r.e[1];
+      if constexpr (Stereo) s = s + r.e[2] * r.e[2];
+      const P information = P::load(group.information + i);
+      select_greater(r.defined, P(0.0), s * information, P(group.undefined_chi2)).store(chi2 + i);
+      (camera.is_body ? body : transform(camera.T_camera_body, body)).z.store(depth + i);
     }
   }
 };
@@ -97,8 +104,9 @@ template <class Derived, class Camera, class Kernel>
 void launch_measure_reprojections(const thrust::execution_policy<Derived>& policy,
                                   const reprojection_view<Camera, Kernel>& group, const isometry<double>* T_bw,
                                   const double* landmarks, double* chi2, double* depth) {
+  constexpr int lanes = observation_shape<memory_of_t<Derived>>::lanes;
   for_each_index(derived(policy), group.chunk_count,
-                 chi2_of_reprojections<Camera, Kernel>{group, T_bw, landmarks, chi2, depth});
+                 chi2_of_reprojections<Camera, Kernel, lanes>{group, T_bw, landmarks, chi2, depth});
 }
 
 TURBOMAP_END_NAMESPACE
