@@ -284,6 +284,7 @@ class local_mapper {
     if (options_.creation.rule == creation_rule::tracks)
       options.across_rig = options.across_rig || options_.neighbours.across_rig;
     timed(search_a_neighbour, static_cast<double>(report_.neighbours), [&] { search_.compute(s, options); });
+    cut_ = cut_ || options.stopped();
   }
 
   void create(keyframe, const scope& s) {

@@ -8,6 +8,7 @@
 /// this left, the points of the targets in the keyframe. A point that is found at a keypoint gains an observation there, or
 /// is merged with the point that the keypoint sees.
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -41,7 +42,8 @@ class duplicate_fusion {
   /// The points of `query` in every target: searched and committed.
   /// \param targets  none of them the query; dead ones are passed over
   /// \throws std::invalid_argument  a keyframe that is not in the store, an option out of range, a map that contradicts
-  ///         itself (inconsistent_map): in snapshot mode the map is then as it was
+  ///         itself (inconsistent_map): what options.commit.entries_per_guard calls a part is then not applied, the parts
+  ///         before it are
   fusion_summary forward(const scope& s, keyframe query, span<const keyframe> targets, const fusion_options& options) {
     return pass(s, span<const keyframe>(&query, 1), targets, options);
   }
@@ -151,11 +153,21 @@ class duplicate_fusion {
     duplicates_.plan(s.ctx, found_);
   }
 
+  /// In parts: what others do to the map between two of them is met as what they did since the search.
   fusion_summary commit(const scope& s, const fusion_commit_options& options) {
-    const auto guard = s.guard();
-    return commit_(s.map, span<const duplicate<typename descriptor::distance_type>>(plan_),
-                   span<const keyframe>(targets_.keyframes()), span<const point>(snapshot_.points()), options,
-                   s.faults);
+    require(options.entries_per_guard >= 0, "options.entries_per_guard", options.entries_per_guard,
+            "must not be negative");
+    const std::size_t most =
+        options.entries_per_guard == 0 ? plan_.size() : static_cast<std::size_t>(options.entries_per_guard);
+    fusion_summary summary;
+    for (std::size_t begin = 0; begin < plan_.size(); begin += most) {
+      const std::size_t left = plan_.size() - begin;
+      const auto guard = s.guard();
+      summary += commit_(
+          s.map, span<const duplicate<typename descriptor::distance_type>>(plan_.data() + begin, std::min(left, most)),
+          span<const keyframe>(targets_.keyframes()), span<const point>(snapshot_.points()), options, s.faults);
+    }
+    return summary;
   }
 
   duplicates<descriptor, camera, Policy> duplicates_;

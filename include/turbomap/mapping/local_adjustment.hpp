@@ -45,8 +45,8 @@ class local_adjustment {
                   "turbomap: local_adjustment needs map_traits with set_pose and set_position; see docs/map.md");
   }
 
-  /// The map is left as it is where a free keyframe moved or died meanwhile (summary.stale), and where nothing better was
-  /// found (summary.solve.accepted is 0, and end says why). Points that moved or died meanwhile keep what they have.
+  /// The map is left as it is where a free keyframe moved or died meanwhile (summary.stale; what was written before that stays,
+  /// see options.points_per_guard), and where nothing better was found (summary.solve.accepted is 0, and end says why). Points that moved or died meanwhile keep what they have.
   /// \throws std::invalid_argument  an option out of range, a keyframe that is not in the store; inconsistent_map where an
   ///         outlier's point contradicts the map: nothing is written then
   local_adjustment_summary operator()(const scope& s, keyframe current, const local_adjustment_options& options) {
@@ -98,34 +98,28 @@ class local_adjustment {
     return true;
   }
 
-  /// Writes poses and positions, and takes out the outliers.
+  /// Writes poses and positions, and takes out the outliers, in parts. Before each part it looks whether the poses are those
+  /// that it knows: once somebody else has moved a keyframe, the rest of the result no longer fits.
   void commit(const scope& s, const local_adjustment_options& options, local_adjustment_summary& summary) {
-    const auto guard = s.guard();
-    Map& map = s.map;
-    const auto& frames = window_.frames();
-    for (std::size_t f = 0; f < frames.size(); ++f)
-      if (window_.fixed()[f] == 0)
-        summary.stale =
-            summary.stale || !traits::alive(map, frames[f]) || !same(pose_of(map, frames[f]), frames.T_cw()[f]);
-    if (summary.stale) return;
-    find_outliers(map, options, s.faults);
-    lost_views_.reserve(outliers_.size());
-    for (std::size_t f = 0; f < frames.size(); ++f)
-      if (window_.fixed()[f] == 0) traits::set_pose(map, frames[f], T_cw_[f]);
-    for (std::size_t p = 0; p < points().size(); ++p)
-      if (unmoved(map, p)) traits::set_position(map, points()[p], positions_[p]);
-    for (const std::size_t i : outliers_) {
-      const auto row = window_.at(i);
-      const keyframe k = frames[static_cast<std::size_t>(row.frame)];
-      const auto keypoint = static_cast<std::size_t>(row.keypoint);
-      const point p = traits::point_at(map, k, keypoint);
-      if (p == point{}) continue;  // it died of an outlier before
-      if (fade(map, k, keypoint, options.fewest_measurements))
-        ++summary.points_erased;
-      else
-        lost_views_.push_back(p);
-      ++summary.outliers;
+    {
+      const auto guard = s.guard();
+      known_ = window_.frames().T_cw();
+      if (!poses_are_known(s.map)) summary.stale = true;
+      if (summary.stale) return;
+      find_outliers(s.map, options, s.faults);
+      lost_views_.reserve(outliers_.size());
+      write_poses(s.map);
+      const auto most = static_cast<std::size_t>(options.points_per_guard);
+      if (most == 0 || points().size() + 4 * outliers_.size() <= most) {
+        write_positions(s.map, 0, points().size());
+        return take_out(s.map, 0, outliers_.size(), options, summary);
+      }
     }
+    const auto most = static_cast<std::size_t>(options.points_per_guard);
+    in_parts(s, points().size(), most, summary,
+             [&](std::size_t begin, std::size_t end) { write_positions(s.map, begin, end); });
+    in_parts(s, outliers_.size(), (most + 3) / 4, summary,
+             [&](std::size_t begin, std::size_t end) { take_out(s.map, begin, end, options, summary); });
   }
 
   /// The points of the last adjustment: their normals and ranges are due.
@@ -143,8 +137,54 @@ class local_adjustment {
     check_positive("options.stereo_chi2", o.stereo_chi2);
     require_correlation(o.stereo_correlation, "options.stereo_correlation");
     require(o.fewest_measurements >= 0, "options.fewest_measurements", o.fewest_measurements, "must not be negative");
+    require(o.points_per_guard >= 0, "options.points_per_guard", o.points_per_guard, "must not be negative");
   }
 
+  template <class Write>
+  void in_parts(const scope& s, std::size_t count, std::size_t most, local_adjustment_summary& summary, Write write) {
+    for (std::size_t begin = 0; begin < count && !summary.stale; begin += most) {
+      const auto guard = s.guard();
+      if (poses_are_known(s.map))
+        write(begin, count - begin < most ? count : begin + most);
+      else
+        summary.stale = true;
+    }
+  }
+  bool poses_are_known(const Map& map) const {
+    const auto& frames = window_.frames();
+    for (std::size_t f = 0; f < frames.size(); ++f)
+      if (window_.fixed()[f] == 0 && (!traits::alive(map, frames[f]) || !same(pose_of(map, frames[f]), known_[f])))
+        return false;
+    return true;
+  }
+  void write_poses(Map& map) {
+    const auto& frames = window_.frames();
+    for (std::size_t f = 0; f < frames.size(); ++f) {
+      if (window_.fixed()[f] != 0) continue;
+      traits::set_pose(map, frames[f], T_cw_[f]);
+      known_[f] = pose_of(map, frames[f]);  // the map may round it
+    }
+  }
+  void write_positions(Map& map, std::size_t begin, std::size_t end) {
+    for (std::size_t p = begin; p < end; ++p)
+      if (unmoved(map, p)) traits::set_position(map, points()[p], positions_[p]);
+  }
+  void take_out(Map& map, std::size_t begin, std::size_t end, const local_adjustment_options& options,
+                local_adjustment_summary& summary) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const auto row = window_.at(outliers_[i]);
+      const keyframe k = window_.frames()[static_cast<std::size_t>(row.frame)];
+      const auto keypoint = static_cast<std::size_t>(row.keypoint);
+      const point p = points()[static_cast<std::size_t>(row.landmark)];
+      // It may have died of an outlier before, or been changed by somebody else.
+      if (!traits::alive(map, k) || !(traits::point_at(map, k, keypoint) == p)) continue;
+      if (fade(map, k, keypoint, options.fewest_measurements))
+        ++summary.points_erased;
+      else
+        lost_views_.push_back(p);
+      ++summary.outliers;
+    }
+  }
   bool unmoved(const Map& map, std::size_t p) const {
     if (!traits::alive(map, points()[p])) return false;
     const vec3<double> now = adjustment_window<Map>::position_of(map, points()[p]), &then = window_.positions()[p];
@@ -171,10 +211,11 @@ class local_adjustment {
   adjustment_window<Map> window_;
   window_measurements<Map, Policy> measurements_;
   bundle_problem<Policy, pose_frame, reprojections<camera>> problem_;
-  plain_vector<rigid_transform<double>> T_cw_;  ///< by frame, adjusted
-  plain_vector<vec3<double>> positions_;        ///< by point, adjusted
-  plain_vector<double> chi2_, depth_;           ///< by row, at the end
-  plain_vector<std::size_t> outliers_;          ///< rows
+  plain_vector<rigid_transform<double>> T_cw_;   ///< by frame, adjusted
+  plain_vector<rigid_transform<double>> known_;  ///< by frame, as this stage read or wrote it last
+  plain_vector<vec3<double>> positions_;         ///< by point, adjusted
+  plain_vector<double> chi2_, depth_;            ///< by row, at the end
+  plain_vector<std::size_t> outliers_;           ///< rows
   list_of<point> lost_views_;
 };
 

@@ -63,6 +63,7 @@ void search_correspondences(context<Policy>& ctx, const posed_keyframe<Descripto
         launch_search_exhaustive(ctx.policy(), search);
         break;
     }
+    if (options.stopped()) result.clear();  // what was not reached has no meaning
   } catch (...) {  // out of memory
     result.clear();
     throw;

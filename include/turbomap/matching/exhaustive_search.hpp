@@ -6,18 +6,25 @@
 /// The search that compares every query keypoint with every keypoint of every neighbour, under any policy. It defines the
 /// answer; the ordered search finds the same one faster on the host.
 
+#include <type_traits>
+
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../memory.hpp"
 #include "candidate_scan.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Index i = neighbour * slot_count + slot. Compares with every keypoint without a map point.
+/// Index i + first = neighbour * slot_count + slot. Compares with every keypoint without a map point.
 template <class Descriptor, class Camera>
 struct exhaustive_search {
+  static constexpr int part_size = 256;
+
   search_view<Descriptor, Camera> search;
+  int first = 0;
 
   TURBOMAP_HD void operator()(int i) const {
+    i += first;
     const int n = i / search.slot_count, keypoint = search.queries[i % search.slot_count];
     const auto& neighbour = search.neighbour(n);
     const auto* descriptor = search.query().descriptor_of(keypoint);
@@ -35,8 +42,13 @@ struct exhaustive_search {
 template <class Derived, class Descriptor, class Camera>
 void launch_search_exhaustive(const thrust::execution_policy<Derived>& policy,
                               const search_view<Descriptor, Camera>& search) {
-  for_each_index(derived(policy), search.neighbour_count * search.slot_count,
-                 exhaustive_search<Descriptor, Camera>{search});
+  using body = exhaustive_search<Descriptor, Camera>;
+  const int count = search.neighbour_count * search.slot_count;
+  // What may be stopped is launched in parts. Not on a device, which is done before anybody could want to stop it.
+  constexpr bool on_host = std::is_same_v<memory_of_t<Derived>, host_memory>;
+  const int part = on_host && search.options.stop != nullptr ? body::part_size : count;
+  for (int first = 0; first < count && !search.options.stopped(); first += part)
+    for_each_index(derived(policy), count - first < part ? count - first : part, body{search, first});
 }
 
 TURBOMAP_END_NAMESPACE

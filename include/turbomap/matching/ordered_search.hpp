@@ -31,6 +31,7 @@ struct ordered_search {
       search.match[n * search.slot_count + slot] = no_match;
       search.distance[n * search.slot_count + slot] = search.max_distance;
     }
+    if (search.options.stopped()) return;
     // One table at a time, so that it stays in the nearest cache.
     for (int a = 0; a < search.query_cameras; ++a)
       for (int b = 0; b < search.neighbour(n).camera_count; ++b) match(n, a, b, first, last);

@@ -5,6 +5,7 @@
 /// \file
 /// What a correspondence search takes and gives, as plain data: options and the plan.
 
+#include <atomic>
 #include <cstdint>
 
 #include "../types.hpp"
@@ -42,6 +43,12 @@ struct search_options {
   /// The cameras of the query's rig are matched with each other too: the query is one more neighbour, the last. For
   /// join_tracks(), which then has one track of what two cameras of the rig see.
   bool across_rig = false;
+  /// Once true, the search ends and has no matches. Looked at on the host, before every 64 query keypoints (ordered) or 256
+  /// (exhaustive), once before the search on a device; not in a grouped search, which is short. Must outlive the search. Null:
+  /// nobody stops it.
+  const std::atomic<bool>* stop = nullptr;
+
+  bool stopped() const { return stop != nullptr && stop->load(std::memory_order_relaxed); }
 };
 
 /// One match: keypoint `query` of the query keyframe and keypoint `candidate` of neighbour number `neighbour`.
