@@ -138,15 +138,8 @@ std::pair<long, long> count_left_out(scene<Descriptor, Camera>& s, const search_
         ++passed;
         const int b = search.neighbour(n).camera_of(c);
         const auto& g = search.pair(n, a, b);
-        const auto r = search.query().bearing[q];
-        const auto turned = g.T_ba.R * turbomap::cast<strict<double>>(r);
-        const auto theirs = search.neighbour(n).bearing[c];
-        const plane_interval mine =
-            tables.query_measure(g, a)({static_cast<float>(turned.x.value), static_cast<float>(turned.y.value),
-                                        static_cast<float>(turned.z.value)},
-                                       r.z, search.scale[search.query().octave[q]]);
-        const plane_interval other =
-            tables.candidate_measure(g, n, b)(theirs, theirs.z, search.scale[search.neighbour(n).octave[c]]);
+        const plane_interval mine = tables.query_interval(tables.query_measure(g, a), q);
+        const plane_interval other = tables.candidate_interval(tables.candidate_measure(g, n, b), n, c);
         const float apart = std::abs(std::remainder(mine.angle - other.angle, two_pi));
         if (mine.half_width >= 0 && other.half_width >= 0 && apart > mine.half_width + other.half_width) ++left_out;
       }

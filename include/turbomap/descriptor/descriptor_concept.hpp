@@ -14,6 +14,8 @@
 ///       // Optional, for integers from 0: no distance between two descriptors is larger. Up to 65,000 it makes medoids faster.
 ///       static constexpr distance_type greatest = 256;
 ///       static TURBOMAP_HD distance_type distance(const element* a, const element* b);
+///       // Optional: a bound that costs less and is never more than the distance. Searches on the host ask it first.
+///       static TURBOMAP_HD distance_type at_least(const element* a, const element* b);
 ///     };
 ///
 /// The distance is symmetric, and must not depend on the compiler if results are to be equal on all execution policies:
@@ -54,6 +56,15 @@ struct has_distance<
                                                                    std::declval<const typename D::element*>()))>>
     : std::is_same<typename D::distance_type, decltype(D::distance(std::declval<const typename D::element*>(),
                                                                    std::declval<const typename D::element*>()))> {};
+
+template <class D, class = void>
+struct has_at_least : std::false_type {};
+template <class D>
+struct has_at_least<D, std::void_t<decltype(D::at_least(std::declval<const typename D::element*>(),
+                                                        std::declval<const typename D::element*>()))>>
+    : std::true_type {};
+template <class D>
+inline constexpr bool has_at_least_v = has_at_least<D>::value;
 
 }  // namespace detail
 

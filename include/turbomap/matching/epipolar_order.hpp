@@ -16,6 +16,7 @@
 #include <cstdint>
 
 #include "../config.hpp"
+#include "../math/pack.hpp"
 #include "search_view.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -36,26 +37,41 @@ struct epipolar_order_layout {
   static constexpr int total_buckets() { return first_bucket(class_count) + 1; }
 };
 
-/// An approximation of atan2 in [0, 2 pi), wrong by less than 1e-4: what decides comes later.
-inline float plane_angle(float y, float x) {
-  const float ax = std::fabs(x), ay = std::fabs(y);
-  const float big = ax > ay ? ax : ay, small = ax > ay ? ay : ax;
-  const float t = big > 0 ? small / big : 0.0F, t2 = t * t;
-  float angle =
-      t * (0.99997726F +
-           t2 * (-0.33262347F + t2 * (0.19354346F + t2 * (-0.11643287F + t2 * (0.05265332F - t2 * 0.01172120F)))));
-  angle = ax > ay ? angle : epipolar_order_layout::pi / 2 - angle;
-  angle = x < 0 ? epipolar_order_layout::pi - angle : angle;
-  return y < 0 ? 2 * epipolar_order_layout::pi - angle : angle;
+/// An approximation of atan2 in [0, 2 pi), wrong by less than 1e-4: what decides comes later. F: float, or a pack of them.
+template <class F>
+F plane_angle(F y, F x) {
+  const F zero(0.0F), pi(epipolar_order_layout::pi), ax = larger(x, -x), ay = larger(y, -y);
+  const F big = larger(ax, ay), small = select_greater(ax, ay, ay, ax);
+  const F t = small / select_greater(big, zero, big, F(1.0F)), t2 = t * t;
+  F angle = F(0.05265332F) - t2 * F(0.01172120F);
+  angle = F(0.19354346F) + t2 * (F(-0.11643287F) + t2 * angle);
+  angle = t * (F(0.99997726F) + t2 * (F(-0.33262347F) + t2 * angle));
+  angle = select_greater(ax, ay, angle, pi * F(0.5F) - angle);
+  angle = select_greater(zero, x, pi - angle, angle);
+  return select_greater(zero, y, F(2.0F) * pi - angle, angle);
 }
 
 /// Upper bound of asin on [0, 1], exact at both ends.
-inline float asin_bound(float s) { return s + 0.5708F * s * s * s; }
+template <class F>
+F asin_bound(F s) {
+  return s + F(0.5708F) * s * s * s;
+}
 
 /// Where a keypoint's plane is, and how far off it may be.
 struct plane_interval {
   float angle;       ///< [0, 2 pi); straight images: twice the angle of the full plane, which repeats after pi
   float half_width;  ///< in the same measure; < 0: unbounded, matches every angle
+};
+
+/// Rays of keypoints, measured together. Places behind the last are read, so they hold numbers.
+struct ray_batch {
+  static constexpr int size = 64;
+  float x[size] = {}, y[size] = {}, z[size] = {};
+  float spread[size] = {};  ///< plane_measure::spread()
+
+  void set(int i, const vec3<float>& ray, float ray_spread) {
+    x[i] = ray.x, y[i] = ray.y, z[i] = ray.z, spread[i] = ray_spread;
+  }
 };
 
 /// One side of a pair of cameras: what turns a bearing into a plane interval. Straight images accept both sides of the
@@ -71,32 +87,79 @@ class plane_measure {
     return {g, resolution.known() ? static_cast<float>(chi) : 1e30F, &resolution};
   }
 
-  /// Interval of a keypoint of `scale` px standard deviation whose bearing in the neighbour's frame is `b`.
-  /// \param cosine  of the angle between the bearing and its own camera's optical axis
-  plane_interval operator()(const vec3<float>& b, float cosine, float scale) const {
-    const float px = b.x * x_.x + b.y * x_.y + b.z * x_.z, py = b.x * y_.x + b.y * y_.y + b.z * y_.z;
-    const float distance = std::sqrt(px * px + py * py);  // sine of the angle to the baseline
-    // Straight: |sin(difference)| < chi scale / (focal m), m = distance to the baseline on the image plane z = 1.
-    // Curved: the ray may turn by chi scale / (pixels per radian), seen from the baseline over the sine of its angle to it.
-    const float s = resolution_ == nullptr ? reach_ * scale * b.z : reach_ * scale / resolution_->at(cosine);
+  /// How far a keypoint of `scale` px standard deviation may be off. It does not depend on the other camera.
+  /// Straight: |sin(difference)| < chi scale / (focal m), m = distance to the baseline on the image plane z = 1.
+  /// Curved: the ray may turn by chi scale / (pixels per radian), seen from the baseline over the sine of its angle to it.
+  /// \param cosine  of the angle between the bearing and its own camera's optical axis: its z there
+  float spread(float cosine, float scale) const {
+    if (resolution_ == nullptr) return reach_ * scale * cosine;
     // The profile holds near the keypoint only.
-    const bool near = resolution_ == nullptr || reach_ * scale <= static_cast<float>(resolution_profile::margin);
-    if (!near || !(s < distance) || distance < 1e-3F) return {0, -1};
-    const float width = asin_bound(s / distance) * 1.01F + epipolar_order_layout::slack;
-    float angle = plane_angle(py, px);
-    if (resolution_ != nullptr) return {angle, width};
-    if (angle >= epipolar_order_layout::pi) angle -= epipolar_order_layout::pi;
-    return {2 * angle, 2 * width};
+    const float off = reach_ * scale;
+    return off <= static_cast<float>(resolution_profile::margin) ? off / resolution_->at(cosine) : unbounded;
+  }
+  /// The same measure, for bearings in the frame of the query's camera.
+  plane_measure turned(const mat3<decision>& R_ba) const {
+    const auto turn = [&](const vec3<float>& v) {
+      const auto column = [&](int c) {
+        return static_cast<float>(R_ba.m[c].value) * v.x + static_cast<float>(R_ba.m[c + 3].value) * v.y +
+               static_cast<float>(R_ba.m[c + 6].value) * v.z;
+      };
+      return vec3<float>{column(0), column(1), column(2)};
+    };
+    plane_measure m = *this;
+    m.x_ = turn(x_), m.y_ = turn(y_);
+    return m;
+  }
+  /// Interval of a keypoint whose bearing is `b`. \param s  spread()
+  plane_interval operator()(const vec3<float>& b, float s) const {
+    plane_interval interval;
+    measure(b.x, b.y, b.z, s, interval.angle, interval.half_width);
+    return interval;
+  }
+  /// Those of `count` keypoints.
+  void operator()(const ray_batch& rays, int count, plane_interval* intervals) const {
+    using P = pack<float, 8>;
+    static_assert(ray_batch::size % P::lanes == 0);
+    for (int i = 0; i < count; i += P::lanes) {
+      P angle, half_width;
+      measure(P::load(rays.x + i), P::load(rays.y + i), P::load(rays.z + i), P::load(rays.spread + i), angle,
+              half_width);
+      float angles[P::lanes], widths[P::lanes];
+      angle.store(angles), half_width.store(widths);
+      for (int l = 0; l < P::lanes && i + l < count; ++l) intervals[i + l] = {angles[l], widths[l]};
+    }
   }
 
  private:
+  static constexpr float unbounded = 1e30F;
+
   plane_measure(const pair_geometry& g, float reach, const resolution_profile* resolution)
-      : x_(g.plane_x), y_(g.plane_y), reach_(reach), resolution_(resolution) {
-    if (g.baseline.x == 0 && g.baseline.y == 0 && g.baseline.z == 0) reach_ = 1e30F;
+      : x_(g.plane_x),
+        y_(g.plane_y),
+        reach_(reach),
+        least_(g.baseline.x == 0 && g.baseline.y == 0 && g.baseline.z == 0 ? unbounded : 1e-3F),
+        resolution_(resolution) {}
+
+  template <class F>
+  void measure(F bx, F by, F bz, F s, F& angle, F& half_width) const {
+    using std::sqrt;
+    const F px = bx * F(x_.x) + by * F(x_.y) + bz * F(x_.z), py = bx * F(y_.x) + by * F(y_.y) + bz * F(y_.z);
+    const F distance = sqrt(px * px + py * py);  // sine of the angle to the baseline
+    const F width = asin_bound(s / larger(distance, F(1e-30F))) * F(1.01F) + F(epipolar_order_layout::slack);
+    angle = plane_angle(py, px);
+    F w = width;
+    if (resolution_ == nullptr) {
+      const F pi(epipolar_order_layout::pi);
+      angle = F(2.0F) * select_greater(pi, angle, angle, angle - pi);
+      w = F(2.0F) * width;
+    }
+    // What is no number is unbounded.
+    half_width = select_greater(distance, s, select_greater(distance, F(least_), w, F(-1.0F)), F(-1.0F));
   }
 
   vec3<float> x_, y_;
   float reach_;
+  float least_;  ///< nearer to the baseline a plane is unknown
   const resolution_profile* resolution_;
 };
 

@@ -34,7 +34,7 @@ class filter_windows {
       if (table.empty()) continue;
       const pair_geometry& g = search.pair(n, a, b);
       const plane_interval interval = of_candidates
-                                          ? tables_.query_interval(tables_.query_measure(g, a), g, keypoint)
+                                          ? tables_.query_interval(tables_.query_measure(g, a), keypoint)
                                           : tables_.candidate_interval(tables_.candidate_measure(g, n, b), n, keypoint);
       bool found = false;
       table.windows(interval, [&](std::int32_t begin, std::int32_t end) {

@@ -10,6 +10,7 @@
 
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../descriptor/descriptor_concept.hpp"
 #include "candidate_scan.hpp"
 #include "ordered_tables.hpp"
 
@@ -33,37 +34,65 @@ struct ordered_search {
     }
     if (search.options.stopped()) return;
     // One table at a time, so that it stays in the nearest cache.
-    for (int a = 0; a < search.query_cameras; ++a)
-      for (int b = 0; b < search.neighbour(n).camera_count; ++b) match(n, a, b, first, last);
+    for (int a = 0; a < search.query_cameras; ++a) {
+      chunk_rays chunk;
+      for (int b = 0; b < search.neighbour(n).camera_count; ++b)
+        if (!tables.view(n, a, b).empty()) match(n, a, b, first, last, chunk);
+    }
   }
 
  private:
-  void match(int n, int a, int b, int first, int last) const {
+  /// The slots of a chunk that one camera sees, and their rays. Curved images: rays are the same for all cameras they are
+  /// matched with.
+  struct chunk_rays {
+    ray_batch rays;
+    int slots[chunk_size];
+    int count = 0;
+    bool collected = false, straight = false;
+  };
+  static_assert(chunk_size == ray_batch::size);
+
+  void collect(const plane_measure& measure, int a, int first, int last, chunk_rays& chunk) const {
+    const auto& search = tables.search;
+    const auto& query = search.query();
+    chunk.count = 0;
+    for (int slot = first; slot < last; ++slot) {
+      const int keypoint = search.queries[slot];
+      if (query.camera_of(keypoint) != a) continue;
+      const vec3<float> ray = query.bearing[keypoint];
+      chunk.slots[chunk.count] = slot;
+      chunk.rays.set(chunk.count++, ray, measure.spread(ray.z, search.scale[query.octave[keypoint]]));
+    }
+    chunk.collected = true;
+  }
+
+  void match(int n, int a, int b, int first, int last, chunk_rays& chunk) const {
     const auto& search = tables.search;
     const auto& query = search.query();
     const pair_geometry& g = search.pair(n, a, b);
     const plane_measure measure = tables.query_measure(g, a);
     const epipolar_table table = tables.view(n, a, b);
-    if (table.empty()) return;
     const auto* descriptors = tables.descriptors + (table.candidates - tables.sorted) * Descriptor::elements;
-    float R[9];
-    for (int k = 0; k < 9; ++k) R[k] = static_cast<float>(g.T_ba.R.m[k].value);
-    for (int slot = first; slot < last; ++slot) {
-      const int keypoint = search.queries[slot];
-      if (query.camera_of(keypoint) != a) continue;
+    if (!chunk.collected || chunk.straight != g.straight) collect(measure, a, first, last, chunk);
+    chunk.straight = g.straight;
+    plane_interval intervals[chunk_size];
+    measure(chunk.rays, chunk.count, intervals);
+    for (int i = 0; i < chunk.count; ++i) {
+      const int slot = chunk.slots[i], keypoint = search.queries[slot];
       const auto* descriptor = query.descriptor_of(keypoint);
-      const vec3<float> r = query.bearing[keypoint];
-      const vec3<float> ray{R[0] * r.x + R[1] * r.y + R[2] * r.z, R[3] * r.x + R[4] * r.y + R[5] * r.z,
-                            R[6] * r.x + R[7] * r.y + R[8] * r.z};
-      const plane_interval interval = measure(ray, r.z, search.scale[query.octave[keypoint]]);
       std::int32_t& match = search.match[n * search.slot_count + slot];
       auto& distance = search.distance[n * search.slot_count + slot];
       candidate_scan<Descriptor, Camera> scan(search, n, keypoint, match, distance);
-      table.windows(interval, [&](std::int32_t begin, std::int32_t end) {
-        for (std::int32_t k = begin; k < end; ++k) {
-          const auto d =
-              Descriptor::distance(descriptor, descriptors + static_cast<std::int64_t>(k) * Descriptor::elements);
-          if (d <= scan.best_distance()) scan.consider(table.candidates[k], d);
+      table.windows(intervals[i], [&](std::int32_t begin, std::int32_t end) {
+        auto most = scan.best_distance();
+        const auto* candidate = descriptors + static_cast<std::int64_t>(begin) * Descriptor::elements;
+        for (std::int32_t k = begin; k < end; ++k, candidate += Descriptor::elements) {
+          if constexpr (detail::has_at_least_v<Descriptor>)
+            if (Descriptor::at_least(descriptor, candidate) > most) continue;
+          const auto d = Descriptor::distance(descriptor, candidate);
+          if (!(d <= most)) continue;
+          scan.consider(table.candidates[k], d);
+          most = scan.best_distance();
         }
       });
       match = scan.best();

@@ -57,23 +57,20 @@ struct ordered_tables {
     return plane_measure::ray(g, std::sqrt(search.options.reprojection_chi2),
                               search.neighbour(n).cameras[b].resolution);
   }
-  /// Measures the query keypoints (side a). A line test measures from the exact query pixel: no width of its own.
+  /// Measures the query keypoints (side a), by bearings in their own camera. A line test measures from the exact query pixel: no width of its own.
   plane_measure query_measure(const pair_geometry& g, int a) const {
-    if (g.straight) return plane_measure::line(g, 0, 1);
-    return plane_measure::ray(g, std::sqrt(search.options.reprojection_chi2), search.query().cameras[a].resolution);
+    if (g.straight) return plane_measure::line(g, 0, 1).turned(g.T_ba.R);
+    return plane_measure::ray(g, std::sqrt(search.options.reprojection_chi2), search.query().cameras[a].resolution)
+        .turned(g.T_ba.R);
   }
   plane_interval candidate_interval(const plane_measure& measure, int n, std::int32_t keypoint) const {
     const auto& neighbour = search.neighbour(n);
     const vec3<float>& ray = neighbour.bearing[keypoint];
-    return measure(ray, ray.z, search.scale[neighbour.octave[keypoint]]);
+    return measure(ray, measure.spread(ray.z, search.scale[neighbour.octave[keypoint]]));
   }
-  plane_interval query_interval(const plane_measure& measure, const pair_geometry& g, std::int32_t keypoint) const {
-    const vec3<float>& r = search.query().bearing[keypoint];
-    const auto row = [&](int k) {
-      return static_cast<float>(g.T_ba.R.m[k].value) * r.x + static_cast<float>(g.T_ba.R.m[k + 1].value) * r.y +
-             static_cast<float>(g.T_ba.R.m[k + 2].value) * r.z;
-    };
-    return measure({row(0), row(3), row(6)}, r.z, search.scale[search.query().octave[keypoint]]);
+  plane_interval query_interval(const plane_measure& measure, std::int32_t keypoint) const {
+    const vec3<float>& ray = search.query().bearing[keypoint];
+    return measure(ray, measure.spread(ray.z, search.scale[search.query().octave[keypoint]]));
   }
 };
 
@@ -104,22 +101,31 @@ struct build_ordered_table {
   int collect(int n, int a, int b, std::int32_t* keypoints, plane_interval* intervals) const {
     const auto& search = tables.search;
     const pair_geometry& g = search.pair(n, a, b);
-    int count = 0;
+    int count = 0, measured = 0;
+    ray_batch rays;
     if constexpr (Side == sorted_side::candidates) {
       const plane_measure measure = tables.candidate_measure(g, n, b);
+      const auto& neighbour = search.neighbour(n);
+      const auto measure_rest = [&] {
+        measure(rays, count - measured, intervals + measured);
+        measured = count;
+      };
       for (int k = search.candidate_offset[n]; k < search.candidate_offset[n + 1]; ++k) {
         const std::int32_t keypoint = search.candidates[k];
-        if (search.neighbour(n).camera_of(keypoint) != b) continue;
-        keypoints[count] = keypoint;
-        intervals[count++] = tables.candidate_interval(measure, n, keypoint);
+        if (neighbour.camera_of(keypoint) != b) continue;
+        const vec3<float>& ray = neighbour.bearing[keypoint];
+        rays.set(count - measured, ray, measure.spread(ray.z, search.scale[neighbour.octave[keypoint]]));
+        keypoints[count++] = keypoint;
+        if (count - measured == ray_batch::size) measure_rest();
       }
+      measure_rest();
     } else {
       const plane_measure measure = tables.query_measure(g, a);
       for (int k = 0; k < search.slot_count; ++k) {
         const std::int32_t keypoint = search.queries[k];
         if (search.query().camera_of(keypoint) != a) continue;
         keypoints[count] = keypoint;
-        intervals[count++] = tables.query_interval(measure, g, keypoint);
+        intervals[count++] = tables.query_interval(measure, keypoint);
       }
     }
     return count;
