@@ -345,7 +345,11 @@ class local_mapper {
   }
 
   void cull(keyframe current, const scope& s) {
-    for (const keyframe& k : culling_.snapshot(s, current, options_.neighbours.neighbourhood)) {
+    const keyframe_culling_options& options = options_.keyframe_culling;
+    for (const keyframe& k :
+         culling_.snapshot(s, current, options_.neighbours.neighbourhood, options.most_candidates)) {
+      if (options.most_erased > 0 && report_.keyframes_culled.size() >= static_cast<std::size_t>(options.most_erased))
+        break;
       if (!budget_.fits(cull_a_keyframe)) {
         cut(cull_a_keyframe);
         break;
@@ -353,7 +357,7 @@ class local_mapper {
       timed(cull_a_keyframe, 1, [&] {
         report_.keyframes_culled.reserve(report_.keyframes_culled.size() + 1);
         culling_.commit(
-            s, current, k, options_.keyframe_culling,
+            s, current, k, options,
             [this](keyframe redundant) {
               if (hooks_.erasing) hooks_.erasing(redundant);
             },

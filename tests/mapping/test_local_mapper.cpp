@@ -558,6 +558,28 @@ TEST_CASE("a keyframe that is not inserted, or dead, is refused, and nothing is 
   CHECK(r.sound());
 }
 
+TEST_CASE("after being behind, so many keyframes are culled at once, and the others by the next ones") {
+  const auto culled_after = [](int most_candidates, int most_erased) {
+    auto options = stereo_case().options;
+    options.keyframe_culling.most_candidates = most_candidates, options.keyframe_culling.most_erased = most_erased;
+    options.enabled[mapping_stage::keyframe_culling] = false;
+    stereo_run<> r(options);
+    r.run.steps(14);
+    r.run.mapper.options().enabled[mapping_stage::keyframe_culling] = true;
+    std::vector<std::size_t> culled;
+    for (int n = 0; n < 6; ++n) culled.push_back(r.run.step().keyframes_culled.size());
+    CHECK(r.sound());
+    return culled;
+  };
+  const auto all = culled_after(0, 0), defaults = culled_after(128, 8), one = culled_after(0, 1),
+             few = culled_after(2, 0);
+  CHECK(all == defaults);
+  CHECK(all[0] > 2);
+  for (const std::size_t n : one) CHECK(n <= 1);
+  CHECK(one[0] + one[1] + one[2] == 3);
+  for (const std::size_t n : few) CHECK(n <= 2);
+}
+
 TEST_CASE("bad options are refused when the mapper is made") {
   const auto refuses = [](auto change) {
     auto options = stereo_case().options;
@@ -570,6 +592,9 @@ TEST_CASE("bad options are refused when the mapper is made") {
   refuses([](auto& o) { o.neighbours.stereo_baseline = -0.1; });
   refuses([](auto& o) { o.neighbours.stereo_baseline = nan; });
   refuses([](auto& o) { o.keyframe_culling.redundant_share = 2; });
+  refuses([](auto& o) { o.keyframe_culling.most_candidates = -1; });
+  refuses([](auto& o) { o.keyframe_culling.most_erased = -1; });
+  refuses([](auto& o) { o.most_views = -1; });
 }
 
 TEST_CASE("keyframes of the map that are not in the store are left out") {

@@ -22,6 +22,10 @@ struct keyframe_culling_options {
   int observers = 3;     ///< a point is redundant when more than so many other keyframes see it...
   int octave_slack = 1;  ///< ...at an octave no coarser than its own plus this
   float max_depth = 0;   ///< m, > 0 (stereo): only points with a depth in [0, max_depth] count; 0: all (monocular)
+  /// Of the stage, per keyframe that is mapped, so that a crowded map, or mapping that was behind, costs no more than this. 0: no
+  /// bound [ORB-SLAM3]. The recordings have at most 4 removals.
+  int most_candidates = 128;     ///< so many are looked at, those that share most
+  int most_erased = 8;           ///< after so many removals the others wait for the next keyframe
   int fewest_measurements = 2;   ///< a point dies when a removal leaves it so many measurements or fewer
   bool temporal_guards = false;  ///< inertial: the rules below; the map's traits have time(), previous() and next()
   int keep_keyframes = 21;       ///< none is taken while there are so many or fewer
@@ -64,6 +68,8 @@ inline void check(const keyframe_culling_options& o) {
   require(o.octave_slack >= 0 && o.octave_slack <= 255, "options.octave_slack", o.octave_slack,
           "must be in [0, 255]: octaves are bytes");
   require(o.max_depth >= 0, "options.max_depth", o.max_depth, "must not be negative");
+  require(o.most_candidates >= 0, "options.most_candidates", o.most_candidates, "must not be negative");
+  require(o.most_erased >= 0, "options.most_erased", o.most_erased, "must not be negative");
   require(o.keep_keyframes >= 0, "options.keep_keyframes", o.keep_keyframes, "must not be negative");
   require(o.keep_last >= 0, "options.keep_last", o.keep_last, "must not be negative");
   require(o.max_gap >= 0, "options.max_gap", o.max_gap, "must not be negative");

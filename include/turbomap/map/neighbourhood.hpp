@@ -63,13 +63,13 @@ class neighbourhood {
     return targets_;
   }
 
-  /// All covisible keyframes of `query`, most shared points first.
+  /// The covisible keyframes of `query`, all or so many, most shared points first.
   template <class Accept = every_keyframe>
   const list_of<keyframe>& covisible_keyframes(const Map& map, keyframe query, const neighbourhood_options& options,
-                                               Accept accept = {}) {
+                                               Accept accept = {}, std::size_t limit = no_limit) {
     check(options);
     targets_.clear();
-    for (const auto& c : covisibility_(map, query, options.min_shared_points, no_limit, accept))
+    for (const auto& c : covisibility_(map, query, options.min_shared_points, limit, accept))
       targets_.push_back(c.keyframe);
     return targets_;
   }

@@ -206,13 +206,16 @@ class keyframe_culling {
   using scope = mapping_scope<Map, Policy>;
 
   /// Chooses the candidates: covisible keyframes that are in the store.
-  const list_of<keyframe>& snapshot(const scope& s, keyframe current, const neighbourhood_options& options) {
+  /// \param most  no more than so many, those that share most; 0: all
+  const list_of<keyframe>& snapshot(const scope& s, keyframe current, const neighbourhood_options& options,
+                                    int most = 0) {
     const auto guard = s.guard();
     touched_.clear();
     const auto in_store = [&](keyframe k) {
       return traits::alive(s.map, k) && s.stored.contains(traits::id(s.map, k));
     };
-    return candidates_ = neighbourhood_.covisible_keyframes(s.map, current, options, in_store);
+    return candidates_ = neighbourhood_.covisible_keyframes(s.map, current, options, in_store,
+                                                            most > 0 ? static_cast<std::size_t>(most) : no_limit);
   }
   /// Takes one candidate out if it is redundant. \param erased  erased(id): its id is free, called under the guard
   template <class Erasing, class Erased>
