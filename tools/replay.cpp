@@ -117,6 +117,10 @@ int main(int argc, char** argv) try {
   app.add_option("--candidates", a.candidates, "what the search compares with (replay mode)")
       ->check(CLI::IsMember({"exhaustive", "ordered", "grouped"}));
   app.add_flag("--serial-fusion", a.serial_fusion, "fuse camera by camera, each search after the commit before it");
+  app.add_option(
+         "--second-shared", a.second_shared,
+         "adjust keyframes too that share so many points with one that shares enough with the current one; 0: none")
+      ->check(CLI::NonNegativeNumber);
   std::string associate = "recorded";
   app.add_option("--associate", associate,
                  "where keypoints get points of the map from: the recorded associations, or those and the local map, "

@@ -142,18 +142,24 @@ double distance(const local_scene<Map>& s, const oracle_problem& o) {
 TEST_CASE_TEMPLATE("the window: who is free, who is fixed, and nobody else moves", Map, flat_map, pointer_map) {
   using traits = turbomap::map_traits<Map>;
   std::set<std::size_t> sizes;
+  int widened = 0;
   for (const std::size_t current : {0, 1, 5, 9})
-    for (const int shared : {1, 15, 40, 60, 100000}) {
+    for (const auto& [shared, second] : std::vector<std::pair<int, int>>{
+             {1, 0}, {15, 0}, {40, 0}, {60, 0}, {100000, 0}, {60, 40}, {60, 70}, {100000, 60}}) {
       CAPTURE(current);
       CAPTURE(shared);
+      CAPTURE(second);
       local_scene<Map> s;
-      const auto w = window_by_definition(sightings_of(s), current, shared, origin_of(s));
+      const auto w = window_by_definition(sightings_of(s), current, shared, origin_of(s), second);
+      const auto first = window_by_definition(sightings_of(s), current, shared, origin_of(s));
+      widened += w.free.size() > first.free.size() ? 1 : 0;
       std::vector<turbomap::rigid_transform<double>> poses;
       std::vector<turbomap::vec3<double>> positions;
       for (const auto& k : s.keyframes) poses.push_back(traits::pose(s.map, k));
       for (const auto& p : s.points) positions.push_back(traits::position(s.map, p));
       local_adjustment_options options;
       options.min_shared_points = shared, options.solve.max_iterations = 2;
+      options.second_min_shared_points = second;
       const auto summary = adjust_around(sequential{}, s, current, options);
       CHECK(summary.free_keyframes == w.free.size());
       CHECK(summary.fixed_keyframes == w.fixed.size());
@@ -169,6 +175,7 @@ TEST_CASE_TEMPLATE("the window: who is free, who is fixed, and nobody else moves
       sizes.insert(w.free.size());
     }
   CHECK(sizes.size() >= 4);
+  CHECK(widened >= 4);
 }
 
 TEST_CASE("with nothing fixed the oldest keyframe is; its age is its id, not its place") {
@@ -534,6 +541,7 @@ TEST_CASE("bad input is refused by name, and the map stays") {
   check_refused(s, with([](auto& o) { o.mono_chi2 = nan_value; }), "options.mono_chi2");
   check_refused(s, with([](auto& o) { o.stereo_chi2 = -1; }), "options.stereo_chi2 = -1");
   check_refused(s, with([](auto& o) { o.scales.scale_factor = 0.5F; }), "options.scales.scale_factor = 0.5");
+  check_refused(s, with([](auto& o) { o.second_min_shared_points = -1; }), "options.second_min_shared_points = -1");
   check_refused(s, with([](auto& o) { o.fewest_measurements = -1; }), "options.fewest_measurements = -1");
   check_refused(s, with([](auto& o) { o.solve.max_iterations = -1; }), "options.max_iterations = -1");
   CHECK_FALSE(s.map.watch.held);

@@ -26,21 +26,32 @@ struct oracle_window {
   std::size_t observations = 0;
 };
 
-/// Free: the current keyframe and those that share enough points with it (without any: the one that shares most, of these the
-/// oldest), but not the origin. Fixed: all others that see a point of theirs, and the origin among them. With none
-/// fixed: the oldest.
-inline oracle_window window_by_definition(const oracle_sightings& seen, std::uint64_t current, int min_shared,
-                                          std::optional<std::uint64_t> origin) {
-  oracle_ids local{current};
+/// Keyframes that share enough points with one (without any: the one that shares most, of these the oldest).
+inline oracle_ids covisible_by_definition(const oracle_sightings& seen, std::uint64_t keyframe, int min_shared) {
+  oracle_ids found;
   std::pair<int, std::uint64_t> best{0, 0};
   for (const auto& [k, points] : seen) {
     int shared = 0;
-    for (const auto& [p, unused] : seen.at(current)) shared += points.count(p) != 0 ? 1 : 0;
-    if (k == current || shared == 0) continue;
-    if (shared >= min_shared) local.insert(k);
+    for (const auto& [p, unused] : seen.at(keyframe)) shared += points.count(p) != 0 ? 1 : 0;
+    if (k == keyframe || shared == 0) continue;
+    if (shared >= min_shared) found.insert(k);
     if (shared > best.first) best = {shared, k};
   }
-  if (local.size() == 1 && best.first > 0) local.insert(best.second);
+  if (found.empty() && best.first > 0) found.insert(best.second);
+  return found;
+}
+
+/// Free: the current keyframe, those that are covisible with it and, if second_min_shared is not 0, those that are covisible with
+/// one of these, but not the origin. Fixed: all others that see a point of theirs, and the origin among them. With none
+/// fixed: the oldest.
+inline oracle_window window_by_definition(const oracle_sightings& seen, std::uint64_t current, int min_shared,
+                                          std::optional<std::uint64_t> origin, int second_min_shared = 0) {
+  const oracle_ids first = covisible_by_definition(seen, current, min_shared);
+  oracle_ids local = first;
+  local.insert(current);
+  if (second_min_shared > 0)
+    for (const auto k : first)
+      for (const auto other : covisible_by_definition(seen, k, second_min_shared)) local.insert(other);
   oracle_window w;
   for (const auto k : local)
     for (const auto& [p, unused] : seen.at(k)) w.points.insert(p);

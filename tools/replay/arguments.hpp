@@ -42,6 +42,7 @@ struct arguments {
   std::string merges = "apart";                    ///< merge_rule: refuse, apart or drop
   std::string numbers = "mixed";                   ///< of adjustments: float64, mixed or float32
   double stereo_correlation = -1;                  ///< of the errors of u and u_right; negative: correlation() knows
+  int second_shared = 0;                           ///< local_adjustment_options::second_min_shared_points
   bool projected = false;                          ///< the local map is looked for in each keyframe, besides
   bool uncertain_tracking = false;                 ///< tracking's poses and gate know how well points are known
   bool uncertain_fusion = false;                   ///< fusion's gate does

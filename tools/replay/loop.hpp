@@ -71,6 +71,7 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording& 
                                                   : turbomap::merge_rule::refuse_apart;
   o.adjustment.solve.numbers = a.precision();
   o.adjustment.stereo_correlation = a.correlation(recording);
+  o.adjustment.second_min_shared_points = a.second_shared;
   o.covariances = a.uncertain_tracking || a.uncertain_fusion;
   o.fusion.covariances = a.uncertain_fusion;
   o.deadline_ms = a.deadline_ms;

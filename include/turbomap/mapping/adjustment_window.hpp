@@ -26,7 +26,7 @@ template <class M, class T>
 using map_origin_member = decltype(T::is_origin(std::declval<const M&>(), std::declval<keyframe_of<T>>()));
 }  // namespace detail
 
-/// Free are the keyframe and those that share enough points with it; all their points are free; other keyframes that see
+/// Free are the keyframe, those that share enough points with it and, if asked for, with one of those; all their points are free; other keyframes that see
 /// these points are fixed, and so is the origin of the map (optional member is_origin(map, keyframe) of the traits). Where
 /// nothing would be fixed, the oldest keyframe is. Keyframes that are not in the store are passed over.
 template <class Map>
@@ -44,17 +44,23 @@ class adjustment_window {
   };
 
   /// The caller holds the guard. \param current  alive and in the store
+  /// \param second_min_shared_points  0: no keyframes of the second order
   /// \throws inconsistent_map  an observation by a keypoint that its keyframe does not have, a pose or position that cannot be
   ///         used; where the scope notes faults, these are passed over. Empty where the pose is that of `current`
   /// O(observations of the points of the free keyframes).
   template <class Policy>
-  void gather(const mapping_scope<Map, Policy>& s, keyframe current, int min_shared_points) {
+  void gather(const mapping_scope<Map, Policy>& s, keyframe current, int min_shared_points,
+              int second_min_shared_points) {
     const Map& map = s.map;
     clear();
     if (add_frame(map, s.stored, current, is_origin(map, current), s.faults) == id_table::none) return;
     const auto can_use = [&](keyframe k) { return s.can_use(k); };
     for (const auto& c : covisibility_(map, current, min_shared_points, no_limit, can_use))
       add_frame(map, s.stored, c.keyframe, is_origin(map, c.keyframe), s.faults);
+    const std::size_t first_order = second_min_shared_points > 0 ? frames_.size() : 0;
+    for (std::size_t f = 1; f < first_order; ++f)
+      for (const auto& c : covisibility_(map, frames_[f], second_min_shared_points, no_limit, can_use))
+        add_frame(map, s.stored, c.keyframe, is_origin(map, c.keyframe), s.faults);
     const std::size_t local = frames_.size();
     for (std::size_t f = 0; f < local; ++f) {
       const std::size_t keypoints = keypoint_count_of(map, frames_[f]);

@@ -69,7 +69,7 @@ class local_adjustment {
       return window_.clear();
     }
     s.stored.at(traits::id(s.map, current));  // throws when it is not there
-    window_.gather(s, current, options.min_shared_points);
+    window_.gather(s, current, options.min_shared_points, options.second_min_shared_points);
     for (const auto fixed : window_.fixed()) ++(fixed != 0 ? summary.fixed_keyframes : summary.free_keyframes);
     summary.points = window_.points().size();
     summary.observations = window_.row_count();
@@ -136,6 +136,8 @@ class local_adjustment {
     check_positive("options.mono_chi2", o.mono_chi2);
     check_positive("options.stereo_chi2", o.stereo_chi2);
     require_correlation(o.stereo_correlation, "options.stereo_correlation");
+    require(o.second_min_shared_points >= 0, "options.second_min_shared_points", o.second_min_shared_points,
+            "must not be negative");
     require(o.fewest_measurements >= 0, "options.fewest_measurements", o.fewest_measurements, "must not be negative");
     require(o.points_per_guard >= 0, "options.points_per_guard", o.points_per_guard, "must not be negative");
   }

@@ -15,8 +15,11 @@ namespace turbomap {
 /// Options of local_adjustment. Defaults are those of [ORB-SLAM3].
 struct local_adjustment_options {
   adjustment_options solve;
-  pyramid scales;                 ///< information of a keypoint: scale_factor^(-2 octave) px^-2
-  int min_shared_points = 15;     ///< keyframes that share so many with the current one move with it
+  pyramid scales;              ///< information of a keypoint: scale_factor^(-2 octave) px^-2
+  int min_shared_points = 15;  ///< keyframes that share so many with the current one move with it
+  /// Keyframes that share so many with one of those move too: where a place is seen again, the error of the way there is
+  /// spread over more keyframes. 0: none [ORB-SLAM3].
+  int second_min_shared_points = 0;
   double mono_chi2 = 5.991;       ///< Huber's delta^2, and outlier beyond it: 95 %, 2 dof
   double stereo_chi2 = 7.815;     ///< 95 %, 3 dof
   double stereo_correlation = 0;  ///< of the errors of u and u_right: see reprojections; 0 [ORB-SLAM3]
