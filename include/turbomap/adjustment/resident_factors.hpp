@@ -71,6 +71,27 @@ class resident_group<landmark_factors<Factor, Kernel>, Frame, Memory> {
     launch_evaluate_landmark_factors(policy, *view_, x, {}, chi2);
   }
 
+  /// See resident_reprojections.hpp. A residual that is not finite spoils its frame.
+  template <class Rows>
+  TURBOMAP_ONE_BODY void list_rows(const adjustment_structure& structure,
+                                   const typename Frame::template state<double>* states, const vec3<double>* landmarks,
+                                   Rows& rows) const {
+    constexpr int V = Frame::landmark_dof, n = Factor::size;
+    const group_structure& s = structure.groups[static_cast<std::size_t>(landmark_group_)];
+    for (const auto& c : s.chunks)
+      for (int i = c.begin; i < c.begin + c.count; ++i) {
+        double e[n], d_frame[n * V], d_landmark[n * 3], rho, w;
+        const auto k = static_cast<std::size_t>(i);
+        const auto l = s.landmark[k];
+        if (!turbomap::linearise<Frame>(view_->factor, states[static_cast<std::size_t>(c.frame)],
+                                        landmarks[static_cast<std::size_t>(l)], rows_.host()[k], e, d_frame,
+                                        d_landmark))
+          continue;
+        view_->kernel(detail::squared_length<n>(e), rho, w);
+        rows.add(l, c.free, -1, n, w, V, d_landmark, d_frame, nullptr);
+      }
+  }
+
   std::size_t size() const { return size_; }
   int landmark_group() const { return landmark_group_; }
 
@@ -134,6 +155,29 @@ class resident_frame_group {
   template <class G, class Policy>
   void cost(const Policy& policy, const estimate_view<Frame>& x, const cost_sums& sums) const {
     launch_evaluate_frame_factors<Pair>(policy, *view_, x, sums);
+  }
+
+  /// See resident_reprojections.hpp. A residual that is not finite spoils its frames.
+  template <class State, class Rows>
+  TURBOMAP_ONE_BODY void list_rows(const adjustment_structure& structure, const State* states, const vec3<double>*,
+                                   Rows& rows) const {
+    constexpr int n = factor::size, D = Frame::dof;
+    for (std::size_t i = 0; i < size_; ++i) {
+      double e[n], d[2][n * D], rho, w;
+      const auto a = static_cast<std::size_t>(first_.host()[i]);
+      int other = -1;
+      bool defined;
+      if constexpr (Pair) {
+        const auto b = static_cast<std::size_t>(second_.host()[i]);
+        other = structure.free_of_frame[b];
+        defined = turbomap::linearise<Frame>(view_->factor, states[a], states[b], rows_.host()[i], e, d[0], d[1]);
+      } else {
+        defined = turbomap::linearise<Frame>(view_->factor, states[a], rows_.host()[i], e, d[0]);
+      }
+      if (!defined) continue;
+      view_->kernel(squared_length<n>(e), rho, w);
+      rows.add(-1, structure.free_of_frame[a], other, n, w, D, nullptr, d[0], d[1]);
+    }
   }
 
   std::size_t size() const { return size_; }

@@ -109,10 +109,51 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
     launch_measure_reprojections(policy, view(), x.poses, x.landmarks, chi2, depth);
   }
 
+  /// The derivatives of all rows that are defined, on the host.
+  template <class Rows>
+  TURBOMAP_ONE_BODY void list_rows(const adjustment_structure& structure,
+                                   const typename Frame::template state<double>* states, const vec3<double>* landmarks,
+                                   Rows& rows) const {
+    const group_structure& s = structure.groups[static_cast<std::size_t>(landmark_group_)];
+    for (const auto& c : s.chunks)
+      for (int i = c.begin; i < c.begin + c.count; ++i) {
+        const isometry<double> T =
+            to_isometry<double>(normalised(Frame::template pose<double>(states[static_cast<std::size_t>(c.frame)])));
+        if (c.kind % 2 == 1)
+          list_row<true>(c, static_cast<std::size_t>(i), s.landmark[static_cast<std::size_t>(i)], T, landmarks, rows);
+        else
+          list_row<false>(c, static_cast<std::size_t>(i), s.landmark[static_cast<std::size_t>(i)], T, landmarks, rows);
+      }
+  }
+
   std::size_t size() const { return size_; }
   int landmark_group() const { return landmark_group_; }
 
  private:
+  template <bool Stereo, class Rows>
+  void list_row(const observation_chunk& c, std::size_t i, std::int32_t landmark, const isometry<double>& T,
+                const vec3<double>* landmarks, Rows& rows) const {
+    using P = pack<double, 1>;
+    constexpr int size = Stereo ? 3 : 2;
+    const vec3<double> X = T * landmarks[static_cast<std::size_t>(landmark)];
+    lane_reprojection<double, double, 1> r{};
+    r.template compute<true, Stereo>(cameras_.host()[static_cast<std::size_t>(c.kind / 2)], {P(X.x), P(X.y), P(X.z)},
+                                     {P(u_.host()[i]), P(v_.host()[i]), P(u_right_.host()[i])});
+    if (!(r.defined.v[0] > 0)) return;
+    const double information = information_.host()[i];
+    double chi2 = 0, rho = 0, weight = 0, by_landmark[3 * size], by_frame[6 * size];
+    for (int k = 0; k < size; ++k) chi2 += information * r.e[k].v[0] * r.e[k].v[0];
+    (Stereo ? stereo_ : mono_)(chi2, rho, weight);
+    for (int k = 0; k < size; ++k) {
+      const vec3<double> d{r.d[k][0].v[0], r.d[k][1].v[0], r.d[k][2].v[0]}, turn = cross(X, d);
+      const vec3<double> by = transpose(T.R) * d;
+      const double all[6] = {turn.x, turn.y, turn.z, d.x, d.y, d.z}, point[3] = {by.x, by.y, by.z};
+      for (int m = 0; m < 6; ++m) by_frame[6 * k + m] = all[m];
+      for (int m = 0; m < 3; ++m) by_landmark[3 * k + m] = point[m];
+    }
+    rows.add(landmark, c.free, -1, size, weight * information, 6, by_landmark, by_frame, nullptr);
+  }
+
   reprojection_view<Camera, Kernel> view() const {
     reprojection_view<Camera, Kernel> v{};
     entries_.point(v);
