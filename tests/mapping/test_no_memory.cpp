@@ -1,0 +1,84 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// The n-th allocation fails, for every n, while a keyframe is inserted and mapped with everything on: the map is sound, the
+/// store holds what the mapper knows, nothing stays pinned, and the next call does the work. See test_local_mapper.cpp for a
+/// mapper that is new, and without adjustment.
+
+#include <thrust/execution_policy.h>
+
+#include <new>
+
+#include "local_mapper_cases.hpp"
+#include "support/counted_new.hpp"
+
+namespace {
+
+using namespace turbomap_test;
+using turbomap::mapping_stage;
+using turbomap::stage_outcome;
+using flat = mapped_by<pinhole_camera>;
+using adjusted_run = mapping_run<flat, sequential_policy, turbomap::local_adjustment<flat, sequential_policy>>;
+
+/// Lets allocation 0, 1, 2... fail until the call succeeds. \return how often it failed
+template <class Call, class Check>
+int fail_everywhere(Call call, Check check) {
+  for (int failures = 0;; ++failures) {
+    try {
+      const no_memory_after limit(failures);
+      call();
+      return failures;
+    } catch (const std::bad_alloc&) {
+    }
+    check();
+  }
+}
+
+TEST_CASE("every allocation of insert and process may fail") {
+  mapping_recipe small = noisy(2);
+  small.per_metre = 8, small.clutter = 5;
+  auto c = stereo_case(small);
+  c.options.neighbours.neighbourhood.min_shared_points = 5;
+  c.options.adjustment.min_shared_points = 5;
+  c.options.covariances = true;
+  const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
+  turbomap::keyframe_store_options store;
+  store.chunk_bytes = std::size_t{1} << 16, store.byte_budget = std::size_t{20} << 16;
+  adjusted_run run(scene, c.options, {}, sequential_policy(), store);
+  run.notes_creation = false;
+  int inserting = 0, processing = 0;
+  std::size_t adjusted = 0;
+  for (int n = 0; n < 14; ++n) {
+    CAPTURE(n);
+    const auto k = run.add();
+    const auto& view = run.view(run.keyframes().size() - 1);
+    const std::size_t stored = run.store.size();
+    const auto data = scene.data<turbomap::binary_descriptor<256>>(view);
+    inserting += fail_everywhere([&] { run.mapper.insert(k, data); },
+                                 [&] {
+                                   REQUIRE(run.store.size() == stored);
+                                   REQUIRE(run.mapper.stored().size() == stored);
+                                 });
+    REQUIRE(run.store.size() == stored + 1);
+    run.associate(k, view);
+    processing += fail_everywhere([&] { run.mapper.process(k); },
+                                  [&] {
+                                    REQUIRE(turbomap::validate(run.map).empty());
+                                    REQUIRE(run.store.size() == run.mapper.stored().size());
+                                    REQUIRE(run.store.statistics().pinned_sets == 0);
+                                  });
+    const auto& report = run.mapper.report();
+    for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) CHECK(report.outcome.values[s] == stage_outcome::done);
+    CHECK(report.refused.empty());
+    adjusted += report.adjustment.solve.accepted > 0 ? 1 : 0;
+    run.note();
+  }
+  CHECK(inserting > 10);
+  CHECK(processing > 100);
+  CHECK(adjusted > 8);
+  CHECK(turbomap::validate(run.map).empty());
+  CHECK(run.quality().merged_wrongly == 0);
+}
+
+}  // namespace
