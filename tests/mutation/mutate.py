@@ -1,0 +1,107 @@
+#!/usr/bin/env python3
+# SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+# SPDX-License-Identifier: Apache-2.0
+"""Plants the faults of faults.txt into the headers, one at a time, and says which of them the tests catch.
+
+    tests/mutation/mutate.py [--compiler g++] [--include DIR]... [--only TEXT] [--list]
+
+Each fault is one replacement of text in a header. The test that is to catch it is compiled against a copy of the headers
+with the fault, and run: it must fail. A fault that does not compile proves nothing and ends the run, and so does one
+whose text is not in the header exactly once. Exit status 1 when less than 95 % are caught.
+"""
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+ROOT = os.path.dirname(os.path.dirname(HERE))
+FLAGS = ["-std=c++17", "-O1", "-w", "-DTHRUST_DEVICE_SYSTEM=THRUST_DEVICE_SYSTEM_CPP", "-DTURBOMAP_WITH_OPENMP=1", "-fopenmp"]
+LEAST_CAUGHT = 0.95
+SECONDS = 300  # a test that hangs has caught the fault, too
+
+
+def read_faults(path):
+    """Blocks of 'name', 'file', 'test', '-' (old text) and '+' (new text), separated by empty lines."""
+    faults, fault = [], {}
+    with open(path, encoding="utf-8") as text:
+        for number, line in enumerate(list(text) + ["\n"], 1):
+            line = line.rstrip("\n")
+            if line.startswith("#"):
+                continue
+            if not line:
+                if fault:
+                    missing = {"name", "file", "test", "-", "+"} - set(fault)
+                    if missing:
+                        sys.exit(f"{path}:{number}: the fault above lacks {sorted(missing)}")
+                    faults.append(fault)
+                fault = {}
+                continue
+            key, _, value = line.partition(" ")
+            key = key.rstrip(":")
+            fault[key] = fault[key] + "\n" + value if key in fault else value
+    return faults
+
+
+def compile_and_run(test, include, work, arguments):
+    """True: passed; False: failed; None: did not compile."""
+    program = os.path.join(work, "test")
+    command = [arguments.compiler, *FLAGS, f"-I{include}", f"-I{ROOT}/tests"]
+    for folder in arguments.include:
+        command += ["-isystem", folder]
+    command += [os.path.join(ROOT, test), os.path.join(work, "main.o"), "-o", program, "-ltbb", "-lpthread"]
+    if subprocess.run(command, stderr=subprocess.DEVNULL).returncode != 0:
+        return None
+    try:
+        return subprocess.run([program], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=SECONDS).returncode == 0
+    except subprocess.TimeoutExpired:
+        return False
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--compiler", default="g++")
+    parser.add_argument("--include", action="append", default=["/usr/include/eigen3"], help="system folder of headers")
+    parser.add_argument("--only", default="", help="faults whose name, header or test contains this")
+    parser.add_argument("--list", action="store_true", help="check that the faults can be planted, compile nothing")
+    arguments = parser.parse_args()
+
+    faults = read_faults(os.path.join(HERE, "faults.txt"))
+    faults = [f for f in faults if arguments.only in f["name"] + f["file"] + f["test"]]
+    for f in faults:
+        with open(os.path.join(ROOT, f["file"]), encoding="utf-8") as header:
+            times = header.read().count(f["-"])
+        if times != 1:
+            sys.exit(f"{f['name']}: its text is {times} times in {f['file']}, must be there once")
+        if not os.path.exists(os.path.join(ROOT, f["test"])):
+            sys.exit(f"{f['name']}: no test {f['test']}")
+    if arguments.list:
+        print(f"{len(faults)} faults can be planted")
+        return
+
+    caught = 0
+    with tempfile.TemporaryDirectory() as work:
+        subprocess.run([arguments.compiler, *FLAGS, f"-I{ROOT}/include", f"-I{ROOT}/tests", "-c",
+                        os.path.join(ROOT, "tests/support/main.cpp"), "-o", os.path.join(work, "main.o")], check=True)
+        include = os.path.join(work, "include")
+        for f in faults:
+            shutil.rmtree(include, ignore_errors=True)
+            shutil.copytree(os.path.join(ROOT, "include"), include)
+            header = os.path.join(work, f["file"])
+            with open(header, encoding="utf-8") as file:
+                text = file.read()
+            with open(header, "w", encoding="utf-8") as file:
+                file.write(text.replace(f["-"], f["+"]))
+            passed = compile_and_run(f["test"], include, work, arguments)
+            if passed is None:
+                sys.exit(f"{f['name']}: does not compile")
+            caught += 0 if passed else 1
+            print(f"{'MISSED' if passed else 'caught'}  {f['name']}  ({f['test']})", flush=True)
+    print(f"{caught} of {len(faults)} caught")
+    sys.exit(0 if caught >= LEAST_CAUGHT * len(faults) else 1)
+
+
+if __name__ == "__main__":
+    main()
