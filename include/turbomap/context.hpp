@@ -48,7 +48,7 @@ class scratch_blocks {
   }
 
  protected:
-  std::byte* take_bytes(std::size_t n) {
+  [[gnu::noinline]] std::byte* take_bytes(std::size_t n) {
     const std::size_t bytes = align_up(n);
     if (blocks_.empty() || used_ + bytes > blocks_.back().bytes) add_block(bytes);
     std::byte* const piece = blocks_.back().data + used_;
@@ -63,13 +63,13 @@ class scratch_blocks {
     std::size_t bytes;
   };
 
-  void add_block(std::size_t bytes) {
+  [[gnu::noinline]] void add_block(std::size_t bytes) {
     blocks_.reserve(blocks_.size() + 1);
     if (bytes < smallest_block) bytes = smallest_block;
     blocks_.push_back({static_cast<std::byte*>(resource_->allocate(bytes, block_alignment)), bytes});
     used_ = 0;
   }
-  void release() noexcept {
+  [[gnu::noinline]] void release() noexcept {
     for (const block& b : blocks_) resource_->deallocate(b.data, b.bytes, block_alignment);
     blocks_.clear();
     used_ = 0;
