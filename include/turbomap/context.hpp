@@ -10,6 +10,8 @@
 #include <type_traits>
 #include <utility>
 
+#include <thrust/detail/seq.h>
+
 #include "array.hpp"
 #include "memory.hpp"
 #include "packed_inputs.hpp"
@@ -102,10 +104,11 @@ class scratch_arena : public scratch_blocks {
   }
 };
 
-/// An execution policy, its stream and reusable memory. `context ctx{thrust::host};`, `{thrust::omp::par}`,
+/// An execution policy, its stream and reusable memory. `context ctx;` (sequential on the host, without the headers of
+/// Thrust's other policies, which take longer to compile than a search), `context ctx{thrust::host};`, `{thrust::omp::par}`,
 /// `{thrust::device}`, `{thrust::cuda::par_nosync.on(stream)}`. Not shared between threads; any number may live side by
 /// side, also on one GPU. In the steady state no call allocates. Move-only.
-template <class Policy>
+template <class Policy = thrust::detail::seq_t>
 class context {
  public:
   using policy_type = Policy;
