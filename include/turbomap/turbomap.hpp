@@ -34,6 +34,7 @@
 #include "inertial/bias_update.hpp"
 #include "inertial/imu_history.hpp"
 #include "inertial/imu_integrator.hpp"
+#include "inertial/inertial_edges.hpp"
 #include "inertial/inertial_factors.hpp"
 #include "inertial/inertial_frame.hpp"
 #include "inertial/inertial_residual.hpp"

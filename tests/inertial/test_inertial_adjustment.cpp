@@ -12,6 +12,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include <turbomap/inertial/inertial_edges.hpp>
+
 #include "inertial_scene_oracle.hpp"
 #include "support/policies.hpp"
 
@@ -168,6 +170,33 @@ TEST_CASE("a velocity that is not a number: said so, and nothing moves") {
   const auto a = adjust_scene<float64_methods>(sequential{}, s, options_of(damping_rule::diagonal));
   CHECK(a.summary.end == adjustment_end::not_finite);
   CHECK(a.states[2].T_cw.tx == s.states[2].T_cw.tx);
+}
+
+TEST_CASE("edges go to their groups; the large window has its own numbers") {
+  const auto s = make_inertial_scene(4, 1, 3);
+  turbomap::inertial_window_options options;
+  turbomap::inertial_edges edges;
+  for (int round = 0; round < 2; ++round) {
+    options.all_robust = round == 1;
+    edges.clear();
+    for (std::size_t k = 0; k < s.edges.size(); ++k)
+      CHECK(edges.add(s.first[k], s.second[k], s.edges[k].motion, k == 0, options));
+    const auto robust = edges.robust({}, options);
+    CHECK(edges.plain({}).rows.size() == (round == 0 ? 2 : 0));
+    CHECK(robust.rows.size() == (round == 0 ? 1 : 3));
+    CHECK(robust.kernel.delta2 == 16.92);
+    CHECK(robust.rows[0].whitening[0] == doctest::Approx(s.edges[0].whitening[0]).epsilon(1e-12));  // weight 1e-2
+    CHECK(edges.walks().rows.size() == 3);
+    CHECK(edges.walks().second[2] == 3);
+  }
+  CHECK_FALSE(edges.add(0, 1, preintegration<double>{}, false, options));  // no time has passed
+  CHECK(edges.walks().rows.size() == 3);
+  options.oldest_edge_weight = 0;
+  CHECK_THROWS_WITH_AS(edges.add(0, 1, s.edges[0].motion, true, options), doctest::Contains("oldest_edge_weight"),
+                       std::invalid_argument);
+  const auto large = turbomap::large_inertial_window();
+  CHECK(large.keyframes == 25);
+  CHECK(large.iterations == 4);
 }
 
 TEST_CASE("rows that cannot be made") {

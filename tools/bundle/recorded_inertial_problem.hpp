@@ -13,7 +13,7 @@
 #include <vector>
 
 #include <turbomap/adjustment/factors.hpp>
-#include <turbomap/inertial/inertial_factors.hpp>
+#include <turbomap/inertial/inertial_edges.hpp>
 #include <turbomap/inertial/inertial_frame.hpp>
 #include <turbomap/io/recording.hpp>
 #include "readers/recording_snapshot_inertial.hpp"
@@ -21,11 +21,6 @@
 #include "recorded_problem.hpp"
 
 namespace turbomap_bundle {
-
-/// delta^2 of the kernel of inertial edges: 95 % of chi-square, nine degrees of freedom [ORB-SLAM3].
-inline constexpr double inertial_delta2 = 16.92;
-/// Weight of the information of the oldest edge [ORB-SLAM3].
-inline constexpr double oldest_edge_weight = 1e-2;
 
 inline turbomap::preintegration<double> in_double(const turbomap::recorded_preintegration& r) {
   using turbomap::cast;
@@ -52,26 +47,13 @@ inline turbomap::inertial_state<double> state_of(const turbomap::rigid_transform
   return {T_cw, turbomap::cast<double>(velocity), {{bias[0], bias[1], bias[2]}, {bias[3], bias[4], bias[5]}}};
 }
 
-/// Edges of one kernel.
-struct inertial_edges {
-  std::vector<std::int32_t> first, second;
-  std::vector<turbomap::inertial_factor::row> rows;
-
-  template <class Kernel>
-  turbomap::frame_pair_factors<turbomap::inertial_factor, Kernel> group(const turbomap::inertial_factor& factor,
-                                                                        const Kernel& kernel) const {
-    return {factor, first, second, rows, kernel, 1e6};
-  }
-};
-
 template <class Camera>
 struct inertial_rig_problem {
   rig_problem<Camera> visual;
   turbomap::inertial_factor factor;  ///< T_bc, gravity
   std::vector<turbomap::inertial_state<double>> states;
-  inertial_edges plain, robust;
-  std::vector<std::int32_t> first, second;  ///< of walks
-  std::vector<turbomap::bias_walk_factor::row> walks;
+  turbomap::inertial_edges edges;
+  turbomap::inertial_window_options window;
   std::size_t unusable = 0;  ///< edges whose covariance has no inverse
 };
 
@@ -92,20 +74,12 @@ inertial_rig_problem<Camera> recorded_inertial_problem(const turbomap::recording
     while (s.keyframe[f] != keyframe) ++f;
     return static_cast<std::int32_t>(f);
   };
+  p.window.all_robust = more.all_robust;
   std::int32_t oldest = 0;  // optimised keyframes come from new to old
   for (const auto& r : recorded) oldest = std::max(oldest, row_of(r.to));
   for (const auto& r : recorded) {
     const std::int32_t i = row_of(r.from), j = row_of(r.to);
-    const auto motion = in_double(r);
-    turbomap::inertial_factor::row row;
-    if (turbomap::make_inertial_row(motion, j == oldest ? oldest_edge_weight : 1, row)) {
-      inertial_edges& to = j == oldest || more.all_robust ? p.robust : p.plain;
-      to.first.push_back(i), to.second.push_back(j), to.rows.push_back(row);
-    } else {
-      ++p.unusable;
-    }
-    turbomap::bias_walk_factor::row walk;
-    if (turbomap::make_walk_row(motion, walk)) p.first.push_back(i), p.second.push_back(j), p.walks.push_back(walk);
+    p.unusable += p.edges.add(i, j, in_double(r), j == oldest, p.window) ? 0 : 1;
   }
   return p;
 }
@@ -121,24 +95,19 @@ inline std::vector<turbomap::isometry<double>> isometries_of(
 template <class Camera>
 double inertial_cost(const inertial_rig_problem<Camera>& p,
                      const std::vector<turbomap::inertial_state<double>>& states) {
-  double total = 0, e[9];
-  const auto at = [&states](std::int32_t i) { return states[static_cast<std::size_t>(i)]; };
-  const auto square = [&e](int n) {
-    double s = 0;
-    for (int k = 0; k < n; ++k) s += e[k] * e[k];
-    return s;
-  };
-  for (const auto* edges : {&p.plain, &p.robust})
-    for (std::size_t k = 0; k < edges->rows.size(); ++k) {
-      p.factor.residual(at(edges->first[k]), at(edges->second[k]), edges->rows[k], e);
-      const double chi2 = square(9);
-      total +=
-          edges == &p.plain || chi2 <= inertial_delta2 ? chi2 : 2 * std::sqrt(inertial_delta2 * chi2) - inertial_delta2;
+  double total = 0;
+  const auto add = [&](const auto& group, double delta2) {
+    for (std::size_t k = 0; k < group.rows.size(); ++k) {
+      double e[9], chi2 = 0;
+      group.factor.residual(states[static_cast<std::size_t>(group.first[k])],
+                            states[static_cast<std::size_t>(group.second[k])], group.rows[k], e);
+      for (int i = 0; i < group.factor.size; ++i) chi2 += e[i] * e[i];
+      total += chi2 <= delta2 ? chi2 : 2 * std::sqrt(delta2 * chi2) - delta2;
     }
-  for (std::size_t k = 0; k < p.walks.size(); ++k) {
-    turbomap::bias_walk_factor{}.residual(at(p.first[k]), at(p.second[k]), p.walks[k], e);
-    total += square(6);
-  }
+  };
+  add(p.edges.plain(p.factor), HUGE_VAL);
+  add(p.edges.robust(p.factor, p.window), p.window.robust_chi2);
+  add(p.edges.walks(), HUGE_VAL);
   return total;
 }
 

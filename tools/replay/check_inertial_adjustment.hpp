@@ -114,18 +114,14 @@ class inertial_adjustment_check {
 
   turbomap_bundle::solution<turbomap::inertial_state<double>> solve(const problem_type& p,
                                                                     const turbomap::adjustment_options& options) const {
-    using turbomap::frame_pair_factors;
-    using turbomap::inertial_factor;
-    using bundle = turbomap::bundle_problem<
-        Policy, turbomap::inertial_frame, turbomap::reprojections<camera>, frame_pair_factors<inertial_factor>,
-        frame_pair_factors<inertial_factor, turbomap::huber>, frame_pair_factors<turbomap::bias_walk_factor>>;
+    using edges = turbomap::inertial_edges;
+    using bundle = turbomap::bundle_problem<Policy, turbomap::inertial_frame, turbomap::reprojections<camera>,
+                                            edges::factors, edges::robust_factors, edges::walk_factors>;
     const auto& d = p.visual.data;
     const auto seen = turbomap_bundle::reprojections_of(p.visual, turbomap::huber{5.991}, turbomap::huber{7.815});
     return turbomap_bundle::solve<bundle, methods>(policy_, repeat_, options, [&](auto& ctx, auto& to) {
-      to.assign(ctx, {p.states, d.fixed, {}}, {{d.points.data(), d.points.size()}}, seen,
-                p.plain.group(p.factor, turbomap::no_kernel{}),
-                p.robust.group(p.factor, turbomap::huber{turbomap_bundle::inertial_delta2}),
-                {{}, p.first, p.second, p.walks, {}, 1e6});
+      to.assign(ctx, {p.states, d.fixed, {}}, {{d.points.data(), d.points.size()}}, seen, p.edges.plain(p.factor),
+                p.edges.robust(p.factor, p.window), p.edges.walks());
     });
   }
   static double cost(const problem_type& p, const std::vector<turbomap::isometry<double>>& T_cw,

@@ -1,0 +1,65 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The inertial edges of a window, as the groups of factors that a bundle_problem of inertial frames takes: those that count in
+/// full, those with a robust kernel, and the walks of the biases.
+
+#include <cstdint>
+
+#include "../adjustment/factors.hpp"
+#include "../config.hpp"
+#include "../error.hpp"
+#include "../plain_vector.hpp"
+#include "inertial_factors.hpp"
+#include "inertial_window_options.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Collects edges. Keep one and use it again. The groups are views of it.
+class inertial_edges {
+ public:
+  using factors = frame_pair_factors<inertial_factor>;
+  using robust_factors = frame_pair_factors<inertial_factor, huber>;
+  using walk_factors = frame_pair_factors<bias_walk_factor>;
+
+  void clear() {
+    for (auto* list : {&first_, &second_, &robust_first_, &robust_second_, &walk_first_, &walk_second_}) list->clear();
+    rows_.clear(), robust_rows_.clear(), walks_.clear();
+  }
+
+  /// What the IMU measured from a frame to the next one.
+  /// \param first, second  places of the frames in the problem   \param oldest  whether no edge of the window comes before it
+  /// \return false: its covariance has no inverse (a single step of the sensor): only the walk of the biases is taken, if
+  ///         they walk
+  /// \throws std::invalid_argument  an option is out of range
+  bool add(std::int32_t first, std::int32_t second, const preintegration<double>& motion, bool oldest,
+           const inertial_window_options& options) {
+    require(options.oldest_edge_weight > 0 && options.oldest_edge_weight <= 1, "options.oldest_edge_weight",
+            options.oldest_edge_weight, "must be in (0, 1]");
+    bias_walk_factor::row walk;
+    if (make_walk_row(motion, walk))
+      walk_first_.push_back(first), walk_second_.push_back(second), walks_.push_back(walk);
+    inertial_factor::row row;
+    if (!make_inertial_row(motion, oldest ? options.oldest_edge_weight : 1, row)) return false;
+    const bool robust = oldest || options.all_robust;
+    (robust ? robust_first_ : first_).push_back(first);
+    (robust ? robust_second_ : second_).push_back(second);
+    (robust ? robust_rows_ : rows_).push_back(row);
+    return true;
+  }
+
+  factors plain(const inertial_factor& factor) const { return {factor, first_, second_, rows_, {}, 1e6}; }
+  robust_factors robust(const inertial_factor& factor, const inertial_window_options& options) const {
+    return {factor, robust_first_, robust_second_, robust_rows_, huber{options.robust_chi2}, 1e6};
+  }
+  walk_factors walks() const { return {{}, walk_first_, walk_second_, walks_, {}, 1e6}; }
+
+ private:
+  plain_vector<std::int32_t> first_, second_, robust_first_, robust_second_, walk_first_, walk_second_;
+  plain_vector<inertial_factor::row> rows_, robust_rows_;
+  plain_vector<bias_walk_factor::row> walks_;
+};
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,28 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The sizes and weights of a window of keyframes that is adjusted with its IMU, as plain data.
+
+namespace turbomap {
+
+/// Defaults are those of [ORB-SLAM3]'s local inertial adjustment.
+struct inertial_window_options {
+  int keyframes = 10;         ///< the last ones in time, that move
+  int iterations = 10;        ///< of their adjustment
+  double initial_lambda = 1;  ///< of its damping by the identity
+  /// Of the information of the oldest edge: it leans on a keyframe that does not move any more.
+  double oldest_edge_weight = 1e-2;
+  double robust_chi2 = 16.92;  ///< Huber's delta^2 of robust edges: 95 % of chi-square, nine degrees of freedom
+  bool all_robust = false;     ///< every edge, not the oldest alone: soon after the IMU was initialised
+};
+
+/// The large window: where tracking is strong, so that fewer iterations do.
+inline inertial_window_options large_inertial_window() {
+  inertial_window_options o;
+  o.keyframes = 25, o.iterations = 4, o.initial_lambda = 1e-2;
+  return o;
+}
+
+}  // namespace turbomap
