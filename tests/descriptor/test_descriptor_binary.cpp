@@ -61,6 +61,9 @@ TEST_CASE_TEMPLATE("Hamming distance equals a loop over bits", D, binary_descrip
     CHECK(D::distance(p, q) == bits_that_differ(p, q, 8 * D::elements));
     CHECK(D::distance(p, q) == D::distance(q, p));
     CHECK(D::distance(p, p) == 0);
+    CHECK(D::distance(p, q) <= D::greatest);
+    CHECK(D::at_least(p, q) == bits_that_differ(p, q, 8 * ((D::elements + 1) / 2)));
+    CHECK(D::at_least(p, q) <= D::distance(p, q));
   }
 }
 
