@@ -156,6 +156,8 @@ int main(int argc, char** argv) try {
   app.add_option("--json", a.json, "write the result to this file");
   app.add_option("--trajectory", a.trajectory, "write the keyframes' body poses to this file (TUM format)");
   app.add_flag("!--no-bound", a.bound, "simulated recordings: leave out the adjustment of all true observations");
+  app.add_option("--perturb", a.perturb, "move the poses that come in by 1e-6 m at random, with this seed; 0: not")
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--repeat", a.repeat, "replay so many times and time all of them")->check(CLI::PositiveNumber);
   try {
     app.parse(argc, argv);

@@ -54,6 +54,7 @@ struct arguments {
   std::filesystem::path growth_file;               ///< the same per keyframe; empty: none
   std::filesystem::path json, trajectory, report;  ///< outputs; empty: none
   int repeat = 1;
+  int perturb = 0;  ///< seed of a random micrometre on the poses that come in; 0: none
 
   /// Adjustments' stereo_correlation. Measured against ground truth on the EuRoC recordings, in pixels of the octave: u
   /// is off by 0.68 and 0.86, the disparity by 0.13 and 0.15 (two views each). Their mean ratio, 0.14 / 0.77, gives

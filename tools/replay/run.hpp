@@ -19,6 +19,7 @@
 #include "make_report.hpp"
 #include "print_outcome.hpp"
 #include "run_objects.hpp"
+#include "simulation/random.hpp"
 #include "trajectory_errors.hpp"
 
 namespace turbomap_replay {
@@ -189,10 +190,20 @@ outcome run_with(const turbomap::recording& recording, const Policy& policy, con
   return check.result();
 }
 
+/// Moves the poses that come in by a micrometre at random: two results that differ by no more than that makes each differ are
+/// equally good.
+inline void perturb(turbomap::recording& recording, std::uint64_t seed) {
+  namespace sim = turbomap::simulation;
+  sim::random_stream random(seed, sim::purpose::perturbation);
+  for (auto& T : recording.T_cw)
+    for (float* x : {&T.tx, &T.ty, &T.tz}) *x += static_cast<float>(1e-6 * random.normal());
+}
+
 /// Throws bad_file for a recording that cannot be read.
 template <class Policy>
 outcome run(const Policy& policy, const arguments& arguments) {
-  const turbomap::recording recording = turbomap::read_recording(arguments.recording);
+  turbomap::recording recording = turbomap::read_recording(arguments.recording);
+  if (arguments.perturb > 0) perturb(recording, static_cast<std::uint64_t>(arguments.perturb));
   return recording.meta.is_fisheye() ? run_with<turbomap::kannala_brandt<float>>(recording, policy, arguments)
                                      : run_with<turbomap::pinhole<float>>(recording, policy, arguments);
 }

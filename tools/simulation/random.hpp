@@ -22,7 +22,8 @@ enum class purpose : std::uint64_t {
   clutter,
   tracking,
   drift,
-  imu
+  imu,
+  perturbation
 };
 
 /// A stream of numbers named by seed, purpose and up to three indices, e.g. (seed, observation, keyframe, camera,
