@@ -8,10 +8,13 @@
 
 #include <thrust/execution_policy.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <stdexcept>
 
+#include <turbomap/adjustment/covariance.hpp>
 #include <turbomap/inertial/inertial_edges.hpp>
 
 #include "inertial_scene_oracle.hpp"
@@ -170,6 +173,41 @@ TEST_CASE("a velocity that is not a number: said so, and nothing moves") {
   const auto a = adjust_scene<float64_methods>(sequential{}, s, options_of(damping_rule::diagonal));
   CHECK(a.summary.end == adjustment_end::not_finite);
   CHECK(a.states[2].T_cw.tx == s.states[2].T_cw.tx);
+}
+
+TEST_CASE("covariance of 15 unknowns is the block of the inverse; a velocity that nothing tells is not known") {
+  auto s = make_inertial_scene(5, 12, 6);
+  turbomap::context<sequential> ctx{sequential{}};
+  inertial_problem<sequential> problem(ctx);
+  s.assign(ctx, problem, inertial_factor{});
+  const std::int32_t frames[2] = {3, 1};
+  std::vector<double> ours;
+  REQUIRE(turbomap::frame_covariance(ctx, problem, {frames, 2}, ours));
+  const oracle_problem o = oracle_of(s);
+  Eigen::MatrixXd H;
+  Eigen::VectorXd b;
+  o.normal_equations(H, b);
+  // Units differ by far: the inverse of the matrix with a diagonal of 1.
+  const Eigen::VectorXd scale = H.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd C =
+      scale.asDiagonal() *
+      (scale.asDiagonal() * H * scale.asDiagonal()).ldlt().solve(Eigen::MatrixXd::Identity(H.rows(), H.cols())) *
+      scale.asDiagonal();
+  double worst = 0;
+  for (int r = 0; r < 30; ++r)
+    for (int c = 0; c < 30; ++c) {
+      const int R = 15 * (frames[r / 15] - 1) + r % 15, K = 15 * (frames[c / 15] - 1) + c % 15;  // frame 0 is fixed
+      worst = std::max(worst,
+                       std::abs(ours[static_cast<std::size_t>(30 * r + c)] - C(R, K)) / std::sqrt(C(R, R) * C(K, K)));
+    }
+  CHECK(worst < 1e-4);
+
+  s.first.resize(3), s.second.resize(3), s.edges.resize(3), s.walks.resize(3), s.prior_frame.clear(), s.priors.clear();
+  s.assign(ctx, problem, inertial_factor{});  // frame 4 sees, and has no IMU
+  const std::int32_t some[2] = {3, 4};
+  CHECK_FALSE(turbomap::frame_covariance(ctx, problem, {some, 2}, ours));
+  CHECK(ours[0] > 0);
+  CHECK(std::isnan(ours[15 * 30 + 15]));
 }
 
 TEST_CASE("edges go to their groups; the large window has its own numbers") {
