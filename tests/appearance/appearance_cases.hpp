@@ -52,15 +52,12 @@ struct observed_points {
   }
 };
 
-/// Points with few and many observations, on both sides of the table of the medoid, of keyframes in any order.
+/// Points with so many random observations each.
 template <class Descriptor, class Camera>
-observed_points observe_anything(const std::vector<turbomap::posed_keyframe<Descriptor, Camera>>& keyframes,
-                                 unsigned seed) {
-  std::mt19937 random(seed);
+observed_points observe_counts(const std::vector<turbomap::posed_keyframe<Descriptor, Camera>>& keyframes,
+                               const std::vector<int>& counts, std::mt19937& random) {
   const auto below = [&random](int n) { return static_cast<int>(random() % static_cast<unsigned>(n)); };
   observed_points points;
-  std::vector<int> counts{0, 1, 2, 3, 4, 5, 7, 8, 9, 15, 16, 17, 62, 63, 64, 65, 66, 127, 128, 129, 0};
-  for (int i = 0; i < 60; ++i) counts.push_back(below(20));
   for (const int count : counts) {
     std::vector<turbomap::point_observation> seen;
     for (int k = 0; k < count; ++k) {
@@ -71,6 +68,16 @@ observed_points observe_anything(const std::vector<turbomap::posed_keyframe<Desc
     points.add({at(), at(), at()}, count == 0 ? -1 : seen[static_cast<std::size_t>(below(count))].keyframe, seen);
   }
   return points;
+}
+
+/// Points with few and many observations, on both sides of the table of the medoid, of keyframes in any order.
+template <class Descriptor, class Camera>
+observed_points observe_anything(const std::vector<turbomap::posed_keyframe<Descriptor, Camera>>& keyframes,
+                                 unsigned seed) {
+  std::mt19937 random(seed);
+  std::vector<int> counts{0, 1, 2, 3, 4, 5, 7, 8, 9, 15, 16, 17, 62, 63, 64, 65, 66, 127, 128, 129, 0};
+  for (int i = 0; i < 60; ++i) counts.push_back(static_cast<int>(random() % 20));
+  return observe_counts(keyframes, counts, random);
 }
 
 /// What a call gives.
@@ -103,6 +110,27 @@ update_plan<Descriptor> update_under(const Policy& policy, const scene<Descripto
 /// a == b within 1e-6 of a, or of `scale` if that is more.
 inline bool is_close(float a, float b, double scale = 0) {
   return std::abs(static_cast<double>(a) - b) <= 1e-6 * std::max(scale, static_cast<double>(std::abs(a)));
+}
+
+/// Under `policy` == under thrust::seq to the last bit, for points with so many views.
+template <class Policy, class Descriptor, class Camera>
+void check_many_views(const Policy& policy, const test_rig<Camera>& rig, const std::vector<int>& counts) {
+  scene_recipe recipe;
+  recipe.neighbours = 9, recipe.query_keypoints = 20, recipe.neighbour_keypoints = 40, recipe.noise = 40;
+  scene<Descriptor, Camera> s(rig, recipe);
+  std::mt19937 random(5);
+  const observed_points points = observe_counts(s.neighbours(), counts, random);
+  turbomap::appearance_options options;
+  options.scales = s.scales(), options.covariance = true;
+  for (const int most : {0, 33, 300}) {
+    CAPTURE(most);
+    options.most_views = most;
+    const auto got = update_under(policy, s, points, options),
+               expected = update_under(one_by_one{}, s, points, options);
+    REQUIRE(got.points.size() == counts.size());
+    CHECK(got == expected);
+    for (std::size_t i = 0; i < counts.size(); ++i) CHECK(got.points[i].medoid == expected.points[i].medoid);
+  }
 }
 
 /// Under `policy` == under thrust::seq to the last bit == the oracle.

@@ -33,6 +33,14 @@ TEST_CASE("other descriptors") {
   check_update<stream_policy, real_descriptor<float, 64>>(on.policy(), pinhole_rig(), 32);
   check_update<stream_policy, real_descriptor<std::int8_t, 24>>(on.policy(), fisheye_rig(), 33);
 }
+TEST_CASE("more views than lanes, and than the shared memory of a block holds") {
+  const stream on;
+  const std::vector<int> counts{31, 32, 33, 0, 127, 128, 129, 255, 256, 257, 1, 350, 700};
+  check_many_views<stream_policy, orb_bits>(on.policy(), pinhole_rig(), counts);
+  check_many_views<stream_policy, turbomap::binary_descriptor<488>>(on.policy(), fisheye_rig(), counts);
+  check_many_views<stream_policy, real_descriptor<float, 64>>(on.policy(), pinhole_rig(), counts);
+  check_many_views<stream_policy, real_descriptor<std::int8_t, 24>>(on.policy(), pinhole_rig(), counts);
+}
 TEST_CASE("points that need no oracle") { check_known_points<cuda>(); }
 TEST_CASE("nothing to update") { check_empty_updates<cuda>(); }
 TEST_CASE("descriptors that are no numbers") { check_descriptors_of_nan<cuda>(); }

@@ -83,8 +83,76 @@ struct observed_descriptors {
   }
 };
 
-/// Index = point. `Medoid` finds the representative descriptor.
-template <class Descriptor, class Camera, class Medoid>
+/// Mean viewing direction, distance range and covariance of points: what each view gives, and what follows from all of them.
+template <class Descriptor, class Camera>
+struct appearance_geometry {
+  using S = strict<double>;
+  appearance_inputs<Descriptor, Camera> in;
+
+  /// What one view gives.
+  TURBOMAP_HD int camera_of(const point_observation& o) const { return in.keyframes[o.keyframe].camera_of(o.keypoint); }
+  TURBOMAP_HD vec3<S> ray(int i, int keyframe, int camera) const {
+    return cast<S>(in.position[i]) - cast<S>(in.centre[keyframe * in.cameras + camera]);
+  }
+  /// From the camera to point i, of length 1; 0 where the point is in the centre of the camera.
+  TURBOMAP_HD vec3<S> direction(int i, const point_observation& o) const {
+    const vec3<S> r = ray(i, o.keyframe, camera_of(o));
+    const S length = norm(r);
+    if (length > S(0)) return (S(1) / length) * r;
+    return {S(0), S(0), S(0)};
+  }
+  /// How a camera sees a point.
+  struct view {
+    projected_point<S> projected;
+    S distance, sigma2;
+    bool is_projected, is_stereo;
+  };
+  TURBOMAP_HD view look(int i, const point_observation& o) const {
+    const keyframe_view<Descriptor, Camera>& keyframe = in.keyframes[o.keyframe];
+    const int camera = camera_of(o);
+    view v;
+    v.distance = norm(ray(i, o.keyframe, camera));
+    const rig_camera<Camera>& c = keyframe.cameras[camera];
+    v.is_stereo = c.bf > 0 && keyframe.is_stereo(o.keypoint);
+    const S scale(in.scale[keyframe.octave[o.keypoint]]);
+    v.sigma2 = scale * scale;
+    v.is_projected = project_point(c.camera, cast<S>(in.T_camera_world[o.keyframe * in.cameras + camera]),
+                                   S(v.is_stereo ? c.bf : 0), cast<S>(in.position[i]), v.projected);
+    return v;
+  }
+
+  /// From the views that take part: their number, the sum of their directions; and the keypoint in the reference keyframe.
+  TURBOMAP_HD void measure(int i, int n, const vec3<S>& sum, int keypoint, point_appearance& p) const {
+    const int reference = in.reference[i];
+    const S count(n);
+    p.normal = {static_cast<float>((sum.x / count).value), static_cast<float>((sum.y / count).value),
+                static_cast<float>((sum.z / count).value)};
+    // The range in float, as the recorded peer has it; the distance from camera 0, whichever camera saw the point.
+    const strict<float> distance = static_cast<float>(norm(ray(i, reference, 0)).value);
+    const strict<float> most = distance * strict<float>(in.scale[in.keyframes[reference].octave[keypoint]]);
+    p.max_distance = most.value;
+    p.min_distance = (most / strict<float>(in.scale[in.last_level])).value;
+  }
+  /// Information and largest distance of the views so far.
+  struct spread {
+    symmetric3<S> information;
+    S farthest = S(0);
+  };
+  TURBOMAP_HD void add(const view& v, spread& sum) const {
+    if (v.distance > sum.farthest) sum.farthest = v.distance;
+    if (v.is_projected) add_information(sum.information, v.projected, v.is_stereo, v.sigma2, S(in.stereo_correlation));
+  }
+  /// The covariance of the position. A point in the centre of all its cameras has none.
+  TURBOMAP_HD void invert(const spread& sum, point_appearance& p) const {
+    if (!(sum.farthest > S(0))) return;
+    const symmetric3<S> C = covariance_from(sum.information, sum.farthest);
+    const auto f = [](S a) { return static_cast<float>(a.value); };
+    p.covariance = {f(C.xx), f(C.yx), f(C.yy), f(C.zx), f(C.zy), f(C.zz)};
+  }
+};
+
+/// Index = point.
+template <class Descriptor, class Camera>
 struct compute_appearance {
   appearance_inputs<Descriptor, Camera> in;
   point_appearance* points;
@@ -95,68 +163,32 @@ struct compute_appearance {
     const int n = in.observation_offset[i + 1] - in.observation_offset[i];
     point_appearance p{};
     p.medoid = -1;
-    if (in.centre != nullptr && n > 0) measure(i, seen, n, p);
-    if (in.T_camera_world != nullptr && n > 0) spread(i, seen, n, p);
+    const appearance_geometry<Descriptor, Camera> geometry{in};
+    if (in.centre != nullptr && n > 0) measure(geometry, i, seen, n, p);
+    if (in.T_camera_world != nullptr && n > 0) {
+      typename appearance_geometry<Descriptor, Camera>::spread sum;
+      for (int j = 0; j < n; ++j) geometry.add(geometry.look(i, seen[j]), sum);
+      geometry.invert(sum, p);
+    }
     if (descriptors != nullptr) represent(i, seen, n, p);
     points[i] = p;
   }
 
  private:
-  using S = strict<double>;
-
-  TURBOMAP_HD vec3<S> ray(int i, int keyframe, int camera) const {
-    return cast<S>(in.position[i]) - cast<S>(in.centre[keyframe * in.cameras + camera]);
-  }
-  TURBOMAP_HD void measure(int i, const point_observation* seen, int n, point_appearance& p) const {
-    const int reference = in.reference[i];
-    int keypoint = -1;  // of the point in its reference keyframe: camera 0's, else the first
-    bool is_left = false;
-    for (int j = 0; j < n; ++j) {
-      if (seen[j].keyframe != reference || is_left) continue;
-      const int camera = in.keyframes[reference].camera_of(seen[j].keypoint);
-      if (keypoint >= 0 && camera != 0) continue;
-      keypoint = seen[j].keypoint;
-      is_left = camera == 0;
-    }
-    vec3<S> sum{S(0), S(0), S(0)};
+  TURBOMAP_HD void measure(const appearance_geometry<Descriptor, Camera>& geometry, int i,
+                           const point_observation* seen, int n, point_appearance& p) const {
+    using S = strict<double>;
     const chosen_views chosen(n, in.most_views);
-    for (int j = 0; j < chosen.count; ++j) {
-      const point_observation o = seen[chosen(j)];
-      const vec3<S> r = ray(i, o.keyframe, in.keyframes[o.keyframe].camera_of(o.keypoint));
-      const S length = norm(r);
-      if (length > S(0)) sum = sum + (S(1) / length) * r;  // a point in the centre of a camera has no direction there
-    }
-    const S count(chosen.count);
-    p.normal = {static_cast<float>((sum.x / count).value), static_cast<float>((sum.y / count).value),
-                static_cast<float>((sum.z / count).value)};
-    // The range in float, as the recorded peer has it; the distance from camera 0, whichever camera saw the point.
-    const strict<float> distance = static_cast<float>(norm(ray(i, reference, 0)).value);
-    const strict<float> most = distance * strict<float>(in.scale[in.keyframes[reference].octave[keypoint]]);
-    p.max_distance = most.value;
-    p.min_distance = (most / strict<float>(in.scale[in.last_level])).value;
-  }
-  /// The covariance of the position. A point in the centre of all its cameras has none.
-  TURBOMAP_HD void spread(int i, const point_observation* seen, int n, point_appearance& p) const {
-    const vec3<S> X = cast<S>(in.position[i]);
-    symmetric3<S> information;
-    S farthest(0);
+    vec3<S> sum{S(0), S(0), S(0)};
+    for (int j = 0; j < chosen.count; ++j) sum = sum + geometry.direction(i, seen[chosen(j)]);
+    int keypoint = -1;  // of the point in its reference keyframe: camera 0's, else the first
     for (int j = 0; j < n; ++j) {
-      const keyframe_view<Descriptor, Camera>& keyframe = in.keyframes[seen[j].keyframe];
-      const int keypoint = seen[j].keypoint, camera = keyframe.camera_of(keypoint);
-      const S distance = norm(ray(i, seen[j].keyframe, camera));
-      if (distance > farthest) farthest = distance;
-      const rig_camera<Camera>& c = keyframe.cameras[camera];
-      const bool stereo = c.bf > 0 && keyframe.is_stereo(keypoint);
-      const S scale(in.scale[keyframe.octave[keypoint]]);
-      projected_point<S> view;
-      if (project_point(c.camera, cast<S>(in.T_camera_world[seen[j].keyframe * in.cameras + camera]),
-                        S(stereo ? c.bf : 0), X, view))
-        add_information(information, view, stereo, scale * scale, S(in.stereo_correlation));
+      if (seen[j].keyframe != in.reference[i]) continue;
+      const bool is_left = geometry.camera_of(seen[j]) == 0;
+      if (is_left || keypoint < 0) keypoint = seen[j].keypoint;
+      if (is_left) break;
     }
-    if (!(farthest > S(0))) return;
-    const symmetric3<S> C = covariance_from(information, farthest);
-    const auto f = [](S a) { return static_cast<float>(a.value); };
-    p.covariance = {f(C.xx), f(C.yx), f(C.yy), f(C.zx), f(C.zy), f(C.zz)};
+    geometry.measure(i, chosen.count, sum, keypoint, p);
   }
   TURBOMAP_HD void represent(int i, const point_observation* seen, int n, point_appearance& p) const {
     typename Descriptor::element* mine = descriptors + static_cast<std::size_t>(i) * Descriptor::elements;
@@ -166,7 +198,7 @@ struct compute_appearance {
       std::memset(static_cast<void*>(mine), 0, Descriptor::bytes);
       return;
     }
-    const int medoid = Medoid::template find<Descriptor>(chosen.count, all);
+    const int medoid = medoid_with_table<Descriptor>(chosen.count, all);
     std::memcpy(static_cast<void*>(mine), all(medoid), Descriptor::bytes);
     p.medoid = chosen(medoid);
   }
@@ -181,14 +213,12 @@ void launch_find_camera_centres(const thrust::execution_policy<Derived>& policy,
   for_each_index(derived(policy), keyframe_count * in.cameras, detail::find_camera_centre<Descriptor, Camera>{in});
 }
 
-/// Computes points 0 ... count - 1. A host has a stack for the table of distances; a thread of a device has not
-/// (cuda/compute_appearance.cuh).
+/// Computes points 0 ... count - 1.
 template <class Derived, class Descriptor, class Camera>
 void launch_compute_appearance(const thrust::execution_policy<Derived>& policy,
                                const detail::appearance_inputs<Descriptor, Camera>& in, int count,
                                point_appearance* points, typename Descriptor::element* descriptors) {
-  for_each_index(derived(policy), count,
-                 detail::compute_appearance<Descriptor, Camera, medoid_on_stack>{in, points, descriptors});
+  for_each_index(derived(policy), count, detail::compute_appearance<Descriptor, Camera>{in, points, descriptors});
 }
 
 TURBOMAP_END_NAMESPACE

@@ -192,7 +192,7 @@ template <class Descriptor>
 inline constexpr int medoid_table_size = sizeof(typename detail::table_key<Descriptor>::type) == 2 ? 128 : 64;
 
 /// The same where there is a stack: each pair is compared once where a table holds the distances. Not for kernels,
-/// whose threads would each get the table in device memory.
+/// whose threads would each get the table in device memory: cuda/compute_appearance.cuh has their own.
 template <class Descriptor, class Descriptors>
 TURBOMAP_HD int medoid_with_table(int n, const Descriptors& descriptors) {
   using distance = typename Descriptor::distance_type;
@@ -230,21 +230,5 @@ TURBOMAP_HD int medoid_with_table(int n, const Descriptors& descriptors) {
   }
   return detail::least_median<key>(n, detail::stored_rows<key>{table, stride});
 }
-
-/// \name The two ways as function objects
-/// @{
-struct medoid_on_stack {
-  template <class Descriptor, class Descriptors>
-  TURBOMAP_HD static int find(int n, const Descriptors& descriptors) {
-    return medoid_with_table<Descriptor>(n, descriptors);
-  }
-};
-struct medoid_in_registers {
-  template <class Descriptor, class Descriptors>
-  TURBOMAP_HD static int find(int n, const Descriptors& descriptors) {
-    return medoid_without_memory<Descriptor>(n, descriptors);
-  }
-};
-/// @}
 
 TURBOMAP_END_NAMESPACE

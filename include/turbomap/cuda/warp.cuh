@@ -21,27 +21,52 @@ __device__ inline T sum_lanes(T x) {
   return x;
 }
 
-/// The sums over the lanes of a warp of N numbers each, written to `out` by the lanes in turn. A lane hands half of its
-/// numbers on and keeps the sums of the other half, until it has one of 32: 31 exchanges instead of 5 per number.
+namespace detail {
+
+/// Sums of N numbers over `Lanes` lanes: a lane hands half of its numbers on and keeps the sums of the other half.
+template <int Lanes, int N, class A, int M>
+__device__ inline void sum_halves(const A (&x)[N], A (&mine)[M]) {
+  if constexpr (Lanes == 1) {
+    static_assert(N == M);
+#pragma unroll
+    for (int i = 0; i < N; ++i) mine[i] = x[i];
+  } else {
+    constexpr int half = N / 2;
+    const bool upper = (threadIdx.x & (Lanes / 2)) != 0;
+    A kept[half];
+#pragma unroll
+    for (int i = 0; i < half; ++i)
+      kept[i] = (upper ? x[i + half] : x[i]) + __shfl_xor_sync(whole_warp, upper ? x[i] : x[i + half], Lanes / 2);
+    sum_halves<Lanes / 2>(kept, mine);
+  }
+}
+
+}  // namespace detail
+
+/// How many of N sums each of `Width` lanes gets.
+template <int Width, int N>
+inline constexpr int sums_per_lane = (N + Width - 1) / Width;
+
+/// The sums of N numbers each over groups of `Width` lanes that follow each other. Lane l of a group gets those from
+/// l sums_per_lane on; what is beyond N is 0. About N exchanges, where N times sum_lanes() takes N log2(Width).
+template <int Width, int N, class A>
+__device__ inline void sum_numbers(const A (&x)[N], A (&mine)[sums_per_lane<Width, N>]) {
+  A padded[sums_per_lane<Width, N> * Width];
+#pragma unroll
+  for (int i = 0; i < sums_per_lane<Width, N> * Width; ++i) padded[i] = i < N ? x[i < N ? i : 0] : A(0);
+  detail::sum_halves<Width>(padded, mine);
+}
+
+/// The same over a whole warp, written to `out`.
 template <int N, class A>
 __device__ inline void sum_warp(const A (&x)[N], double* out) {
-  const int lane = static_cast<int>(threadIdx.x) % warp_size;
+  constexpr int per_lane = sums_per_lane<warp_size, N>;
+  A mine[per_lane];
+  sum_numbers<warp_size>(x, mine);
+  const int first = static_cast<int>(threadIdx.x) % warp_size * per_lane;
 #pragma unroll
-  for (int begin = 0; begin < N; begin += warp_size) {
-    A v[warp_size];
-#pragma unroll
-    for (int i = 0; i < warp_size; ++i) v[i] = begin + i < N ? x[begin + i < N ? begin + i : 0] : A(0);
-#pragma unroll
-    for (int d = warp_size / 2; d > 0; d /= 2) {
-      const bool upper = (lane & d) != 0;
-#pragma unroll
-      for (int i = 0; i < d; ++i) {
-        const A kept = upper ? v[i + d] : v[i], given = upper ? v[i] : v[i + d];
-        v[i] = kept + __shfl_xor_sync(whole_warp, given, d);
-      }
-    }
-    if (begin + lane < N) out[begin + lane] = static_cast<double>(v[0]);
-  }
+  for (int i = 0; i < per_lane; ++i)
+    if (first + i < N) out[first + i] = static_cast<double>(mine[i]);
 }
 
 TURBOMAP_END_NAMESPACE

@@ -1,0 +1,21 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Launch shapes of the kernels of appearances.
+
+#include "../../config.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// launch_compute_appearance: a warp per point for geometry, a block per point for the medoid. Most points have 5 to 30 views,
+/// some 100: a block of 4 warps then has work for every lane.
+struct appearance_tuning {
+  static constexpr int warps = 4;
+  static constexpr int descriptor_bytes =
+      12 * 1024;                     ///< of shared memory for the descriptors of a point: 340 of 256 bits
+  static constexpr int views = 256;  ///< so many views have their distances in shared memory; more are compared again
+};
+
+TURBOMAP_END_NAMESPACE
