@@ -32,6 +32,17 @@ struct team_of_one {
   /// Replaces each number by its sum over the members.
   template <int N>
   TURBOMAP_HD void sum(double (&)[N]) const {}
+  /// (H + lambda I) x = b. False: it has no solution.
+  TURBOMAP_HD bool solve(const double* H, const double* b, double lambda, double (&x)[6]) const {
+    double L[36];
+    for (int i = 0, at = 0; i < 6; ++i)
+      for (int j = 0; j <= i; ++j, ++at) L[i * 6 + j] = H[at] + (i == j ? lambda : 0);
+    if (!factorise_small<6>(L)) return false;
+    for (int i = 0; i < 6; ++i) x[i] = b[i];
+    solve_lower<6>(L, x);
+    solve_upper<6>(L, x);
+    return true;
+  }
 };
 
 /// Index = frame. \tparam Exact  points are: `covariance` and `spread` are not read
@@ -196,7 +207,7 @@ struct adjust_one_pose {
       while (!accepted && iteration < options.iterations) {
         ++iteration;
         double x[6], predicted = 0;
-        if (solve(H, b, control.lambda, x)) {
+        if (team.solve(H, b, control.lambda, x)) {
           for (int i = 0; i < 6; ++i) predicted += x[i] * (control.lambda * x[i] + b[i]);
           if (!(predicted > 1e-14 * best)) return true;
           const rigid_transform<double> moved = left_exp(x, T_cw);
@@ -208,18 +219,6 @@ struct adjust_one_pose {
         }
       }
     }
-    return true;
-  }
-
-  /// (H + lambda I) x = b
-  TURBOMAP_HD static bool solve(const double* H, const double* b, double lambda, double (&x)[6]) {
-    double L[36];
-    for (int i = 0, at = 0; i < 6; ++i)
-      for (int j = 0; j <= i; ++j, ++at) L[i * 6 + j] = H[at] + (i == j ? lambda : 0);
-    if (!factorise_small<6>(L)) return false;
-    for (int i = 0; i < 6; ++i) x[i] = b[i];
-    solve_lower<6>(L, x);
-    solve_upper<6>(L, x);
     return true;
   }
 

@@ -15,6 +15,7 @@
 #include "block_cholesky.hpp"
 #include "dense_cholesky.hpp"
 #include "reduced_system.hpp"
+#include "solve_dense.hpp"
 #include "structure.hpp"
 #include "uploaded.hpp"
 
@@ -26,7 +27,7 @@ struct solver_workspace {
   dense_cholesky dense;
   block_cholesky<D> sparse;
   bool analysed = false;  ///< `sparse` has the structure of the problem
-  plain_vector<double> matrix, x, sums;
+  plain_vector<double> matrix, x, b, sums;
 };
 
 /// Steps of the free frames.
@@ -91,13 +92,22 @@ class cholesky_solver {
       : s_(s), workspace_(workspace), system_(workspace, structure) {
     const std::size_t free = static_cast<std::size_t>(s.free_frames) * D;
     matrix_ = ctx.template scratch<double>(system_.size());
-    x_ = ctx.template scratch<double>(system_.unknowns());
+    x_ = ctx.template scratch<double>(system_.unknowns() + 1);  // and whether it was solved
     fill_bytes(ctx.policy(), x_ + free, 0, (system_.unknowns() - free) * sizeof(double));
   }
 
   template <class Policy>
   reduced_step solve(context<Policy>& ctx, const damping& damping) {
-    if (!factorise(ctx, damping)) return {};
+    form(ctx, damping);
+    if constexpr (System::fills_gaps) {
+      const int n = s_.free_frames * D, stride = static_cast<int>(unknowns());
+      if (launch_solve_dense(ctx.policy(), {matrix_, x_, x_ + unknowns(), n, stride, default_pivot_tolerance})) {
+        const double* x = on_host(ctx, x_, unknowns() + 1, workspace_.x);
+        if (x[unknowns()] == 0) return {};
+        return {true, 0, x_, x};
+      }
+    }
+    if (!factorise_on_host(ctx, default_pivot_tolerance)) return {};
     double* x = on_host(ctx, x_, unknowns(), workspace_.x);
     substitute(x);
     copy_in(ctx.policy(), x_, x, unknowns() * sizeof(double));
@@ -108,9 +118,8 @@ class cholesky_solver {
   /// \return false: singular
   template <class Policy>
   bool factorise(context<Policy>& ctx, const damping& damping, double tolerance = default_pivot_tolerance) {
-    if (System::fills_gaps) fill_bytes(ctx.policy(), matrix_, 0, system_.size() * sizeof(double));
-    launch_reduce_blocks<V, D>(ctx.policy(), s_, system_.layout(matrix_, x_), damping);
-    return system_.factorise(on_host(ctx, matrix_, system_.size(), workspace_.matrix), tolerance);
+    form(ctx, damping);
+    return factorise_on_host(ctx, tolerance);
   }
 
   /// Solves for x in place, on the host; room for unknowns() numbers. After factorise().
@@ -118,6 +127,16 @@ class cholesky_solver {
   std::size_t unknowns() const { return system_.unknowns(); }
 
  private:
+  template <class Policy>
+  void form(context<Policy>& ctx, const damping& damping) {
+    if (System::fills_gaps) fill_bytes(ctx.policy(), matrix_, 0, system_.size() * sizeof(double));
+    launch_reduce_blocks<V, D>(ctx.policy(), s_, system_.layout(matrix_, x_), damping);
+  }
+  template <class Policy>
+  bool factorise_on_host(context<Policy>& ctx, double tolerance) {
+    return system_.factorise(on_host(ctx, matrix_, system_.size(), workspace_.matrix), tolerance);
+  }
+
   schur_view<A> s_;
   solver_workspace<D>& workspace_;
   System system_;

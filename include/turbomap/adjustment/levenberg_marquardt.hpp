@@ -164,13 +164,13 @@ class levenberg_marquardt {
     launch_substitute_landmarks<V, D>(policy, s, step.step, damping, from.landmarks, to.landmarks, gains_);
     launch_retract_frames(policy, frames, s.free_of_frame, step.step, from, to);
     launch_prepare_poses(policy, frames, to);
-    auto& buffer = data_.workspace.sums;
-    predicted = detail::sum_in_order(on_host(ctx_, gains_, gain_count(), buffer), gain_count());
-    const std::size_t n = static_cast<std::size_t>(s.free_frames) * D;
-    predicted = detail::dot_in_order(step.on_host, on_host(ctx_, s.b, n, buffer), n, predicted);
-    const double* H = nullptr;
-    if (damping.scaled)
-      H = on_host(ctx_, s.H, static_cast<std::size_t>(s.free_frames) * frame_block<D>::triangle, buffer);
+    const std::size_t n = static_cast<std::size_t>(s.free_frames) * D, triangles = n / D * frame_block<D>::triangle;
+    auto& w = data_.workspace;
+    const double* gains = ctx_.on_host(gains_, gain_count(), w.sums);
+    const double* b = ctx_.on_host(s.b, n, w.b);
+    const double* H = damping.scaled ? ctx_.on_host(s.H, triangles, w.matrix) : nullptr;
+    ctx_.synchronize();  // once for the three
+    predicted = detail::dot_in_order(step.on_host, b, n, detail::sum_in_order(gains, gain_count()));
     predicted = detail::damped_square<D>(damping, H, step.on_host, n, predicted);
     return step;
   }

@@ -34,9 +34,9 @@ struct linearise_reprojections {
       chunk_of<false>(c, group.mono, chunk);
   }
 
- private:
   using P = pack<A, N>;
 
+ private:
   template <bool Stereo>
   TURBOMAP_HD void chunk_of(const observation_chunk& c, const Kernel& kernel, int chunk) const {
     const isometry<double>& T = T_bw[c.frame];
@@ -62,6 +62,8 @@ struct linearise_reprojections {
     for (int i = 0; i < 6; ++i) out[block::triangle + i] = static_cast<double>(sum(b[i]));
   }
 
+ public:
+  /// N observations from entry i, of which `count` are real: their rows and couplings, and what they add to H and b of the frame.
   template <bool Stereo>
   TURBOMAP_HD void observe(const observation_chunk& c, int i, int count, const Kernel& kernel,
                            const adjustment_camera<Camera>& camera, const isometry<double>& T, const P (&R)[9],
@@ -148,3 +150,7 @@ void launch_linearise_reprojections(const thrust::execution_policy<Derived>& pol
 }
 
 TURBOMAP_END_NAMESPACE
+
+#if TURBOMAP_HAS_CUDA
+#include "cuda/linearise_reprojections.cuh"
+#endif

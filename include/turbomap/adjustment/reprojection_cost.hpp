@@ -21,23 +21,40 @@ struct cost_of_reprojections {
   const double* landmarks;
   cost_sums sums;
 
+  using P = pack<G, N>;
+  /// Robust cost of observations that are defined, and number of the others.
+  struct part {
+    P total = P(G(0)), missing = P(G(0));
+  };
+
   TURBOMAP_HD void operator()(int chunk) const {
     const observation_chunk& c = group.chunks[chunk];
+    part p;
+    add(c, 0, N, p);
+    finish(chunk, sum(p.total), sum(p.missing));
+  }
+  /// Adds up the observations of a chunk from number `first`, every step-th N of them.
+  TURBOMAP_HD void add(const observation_chunk& c, int first, int step, part& p) const {
     if (c.kind % 2 == 1)
-      chunk_of<true>(c, group.stereo, chunk);
+      add<true>(c, group.stereo, first, step, p);
     else
-      chunk_of<false>(c, group.mono, chunk);
+      add<false>(c, group.mono, first, step, p);
+  }
+  TURBOMAP_HD void finish(int chunk, G total, G missing) const {
+    const Kernel& kernel = group.chunks[chunk].kind % 2 == 1 ? group.stereo : group.mono;
+    double rho_undefined, unused;
+    kernel(group.undefined_chi2, rho_undefined, unused);
+    const double undefined_count = static_cast<double>(missing);
+    sums.cost[group.first_chunk + chunk] = static_cast<double>(total) + undefined_count * rho_undefined;
+    sums.undefined[group.first_chunk + chunk] = undefined_count;
   }
 
  private:
   template <bool Stereo>
-  TURBOMAP_HD void chunk_of(const observation_chunk& c, const Kernel& kernel, int chunk) const {
-    using P = pack<G, N>;
+  TURBOMAP_HD void add(const observation_chunk& c, const Kernel& kernel, int first, int step, part& p) const {
     const P one(G(1)), zero(G(0));
-    double rho_undefined, unused;
-    kernel(group.undefined_chi2, rho_undefined, unused);
-    P total = zero, missing = zero;
-    for (int i = c.begin; i < c.begin + c.count; i += N) {
+    P total = p.total, missing = p.missing;
+    for (int i = c.begin + first; i < c.begin + c.count; i += step) {
       lane_reprojection<G, G, N> r;
       const auto body = transform(T_bw[c.frame], group.template points<G, N>(landmarks, i));
       r.template compute<false, Stereo>(group.cameras[c.kind / 2], body, group.template measurements<G, N>(i));
@@ -48,9 +65,7 @@ struct cost_of_reprojections {
       total = total + rho * r.defined;
       missing = missing + select_greater(information, zero, one - r.defined, zero);  // padding has no information
     }
-    const double undefined_count = static_cast<double>(sum(missing));
-    sums.cost[group.first_chunk + chunk] = static_cast<double>(sum(total)) + undefined_count * rho_undefined;
-    sums.undefined[group.first_chunk + chunk] = undefined_count;
+    p.total = total, p.missing = missing;
   }
 };
 
@@ -110,3 +125,7 @@ void launch_measure_reprojections(const thrust::execution_policy<Derived>& polic
 }
 
 TURBOMAP_END_NAMESPACE
+
+#if TURBOMAP_HAS_CUDA
+#include "cuda/sum_reprojection_cost.cuh"
+#endif

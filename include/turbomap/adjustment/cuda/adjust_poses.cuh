@@ -8,6 +8,7 @@
 
 #include "../../config.hpp"
 #include "../../cuda/warp.cuh"
+#include "../../math/functions.hpp"
 #include "../../parallel.hpp"
 #include "../adjust_pose.hpp"
 #include "tuning.hpp"
@@ -42,6 +43,44 @@ class team_of_block {
     for (int i = 0; i < N; ++i) x[i] = memory_.total[i];
 #else
     (void)x;
+#endif
+  }
+
+  /// As team_of_one, unrolled: nothing of it is in memory, and each pivot takes one reciprocal root.
+  TURBOMAP_HD bool solve(const double* H, const double* b, double lambda, double (&x)[6]) const {
+#if defined(__CUDA_ARCH__)
+    double L[6][6], reciprocal[6];
+    bool good = true;
+#pragma unroll
+    for (int j = 0; j < 6; ++j)
+#pragma unroll
+      for (int i = j; i < 6; ++i) {
+        double s = H[i * (i + 1) / 2 + j] + (i == j ? lambda : 0);
+#pragma unroll
+        for (int m = 0; m < j; ++m) s -= L[i][m] * L[j][m];
+        if (i == j) {
+          good = good && s > 0 && detail::is_finite(s);
+          reciprocal[j] = rsqrt(s);
+        }
+        L[i][j] = s * reciprocal[j];
+      }
+#pragma unroll
+    for (int i = 0; i < 6; ++i) {
+      x[i] = b[i];
+#pragma unroll
+      for (int j = 0; j < i; ++j) x[i] -= L[i][j] * x[j];
+      x[i] *= reciprocal[i];
+    }
+#pragma unroll
+    for (int i = 5; i >= 0; --i) {
+#pragma unroll
+      for (int j = i + 1; j < 6; ++j) x[i] -= L[j][i] * x[j];
+      x[i] *= reciprocal[i];
+    }
+    return good;
+#else
+    (void)H, (void)b, (void)lambda, (void)x;
+    return false;
 #endif
   }
 

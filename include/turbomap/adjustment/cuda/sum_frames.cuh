@@ -27,6 +27,7 @@ __global__ void __launch_bounds__(warp_size* sum_frames_tuning::warps) sum_frame
   const int warp = static_cast<int>(threadIdx.x) / 32;
 
   double total[per_lane] = {};
+#pragma unroll 4
   for (int k = s.frame_partial[f] + warp; k < s.frame_partial[f + 1]; k += warps) {
     const double* p = s.sums.chunk_partial + static_cast<std::ptrdiff_t>(s.partial_list[k]) * chunk::partial;
     for (int m = 0; m < per_lane; ++m) {  // the V unknowns that landmarks depend on are the first of D

@@ -21,7 +21,13 @@ struct observation_shape<device_memory> {
 
 /// launch_sum_frames: one block per frame. Its warps take the partial sums of the frame in turn, a lane one element of each.
 struct sum_frames_tuning {
-  static constexpr int warps = 8;
+  static constexpr int warps = 16;
+};
+
+/// launch_linearise_reprojections, launch_sum_reprojection_cost: a lane per observation of a chunk.
+struct linearise_tuning {
+  static constexpr int lanes = observation_padding;
+  static constexpr int threads = 128;
 };
 
 /// launch_eliminate_landmarks, launch_substitute_landmarks: 8 lanes per landmark, which free frames see 5 to 30 times. A block
@@ -42,6 +48,14 @@ struct reduce_blocks_tuning {
 /// thousands, so that the bits of a frame do not depend on the others.
 struct adjust_poses_tuning {
   static constexpr int warps = 8;
+};
+
+/// launch_solve_dense: a block of 16 warps; a warp per column where it substitutes back. Systems of up to `unknowns` (25 frames
+/// of 15, 64 of 6), whose columns fit the 64 KiB of shared memory that every device has; larger ones the host solves.
+struct solve_dense_tuning {
+  static constexpr int threads = 512;
+  static constexpr int columns = 16;
+  static constexpr int unknowns = 384;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -95,7 +95,7 @@ __device__ inline void search_of_warp(const search_view<Descriptor, Camera>& sea
 }  // namespace detail
 
 template <class Descriptor, class Camera>
-__global__ void __launch_bounds__(warp_size* search_exhaustive_tuning::warps)
+__global__ void __launch_bounds__(warp_size* search_exhaustive_tuning::warps, search_exhaustive_tuning::blocks)
     search_exhaustive_kernel(search_view<Descriptor, Camera> search, int tasks) {
   constexpr int queries = search_exhaustive_tuning::queries;
   const int task =

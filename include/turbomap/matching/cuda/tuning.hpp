@@ -14,6 +14,7 @@ TURBOMAP_BEGIN_NAMESPACE
 struct search_exhaustive_tuning {
   static constexpr int warps = 4;
   static constexpr int queries = 4;
+  static constexpr int blocks = 4;  ///< at once per multiprocessor: geometry, which is rare, would take registers of two
 };
 
 TURBOMAP_END_NAMESPACE

@@ -1,0 +1,32 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Where a full reduced system is solved: on the host (dense_cholesky.hpp), unless the policy has a solver of its own.
+
+#include "../config.hpp"
+#include "../context.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// A full symmetric system in the memory of the policy.
+struct dense_equations {
+  double* S;         ///< lower triangle, column by column of `stride` numbers; overwritten
+  double* x;         ///< the right hand side, then the solution
+  double* solved;    ///< 1, or 0: singular or not positive definite
+  int n, stride;     ///< unknowns; stride is a multiple of 8, and so many columns have room
+  double tolerance;  ///< see dense_cholesky::factorise
+};
+
+/// Solves S x = b where the policy computes. False: it leaves that to the host, and nothing was launched.
+template <class Derived>
+bool launch_solve_dense(const thrust::execution_policy<Derived>&, const dense_equations&) {
+  return false;
+}
+
+TURBOMAP_END_NAMESPACE
+
+#if TURBOMAP_HAS_CUDA
+#include "cuda/solve_dense.cuh"
+#endif
