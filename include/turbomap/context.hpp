@@ -10,8 +10,6 @@
 #include <type_traits>
 #include <utility>
 
-#include <thrust/detail/seq.h>
-
 #include "array.hpp"
 #include "memory.hpp"
 #include "packed_inputs.hpp"
@@ -50,7 +48,7 @@ class scratch_blocks {
   }
 
  protected:
-  [[gnu::noinline]] std::byte* take_bytes(std::size_t n) {
+  std::byte* take_bytes(std::size_t n) {
     const std::size_t bytes = align_up(n);
     if (blocks_.empty() || used_ + bytes > blocks_.back().bytes) add_block(bytes);
     std::byte* const piece = blocks_.back().data + used_;
@@ -65,13 +63,13 @@ class scratch_blocks {
     std::size_t bytes;
   };
 
-  [[gnu::noinline]] void add_block(std::size_t bytes) {
+  void add_block(std::size_t bytes) {
     blocks_.reserve(blocks_.size() + 1);
     if (bytes < smallest_block) bytes = smallest_block;
     blocks_.push_back({static_cast<std::byte*>(resource_->allocate(bytes, block_alignment)), bytes});
     used_ = 0;
   }
-  [[gnu::noinline]] void release() noexcept {
+  void release() noexcept {
     for (const block& b : blocks_) resource_->deallocate(b.data, b.bytes, block_alignment);
     blocks_.clear();
     used_ = 0;
@@ -104,11 +102,10 @@ class scratch_arena : public scratch_blocks {
   }
 };
 
-/// An execution policy, its stream and reusable memory. `context ctx;` (sequential on the host, without the headers of
-/// Thrust's other policies, which take longer to compile than a search), `context ctx{thrust::host};`, `{thrust::omp::par}`,
+/// An execution policy, its stream and reusable memory. `context ctx{thrust::host};`, `{thrust::omp::par}`,
 /// `{thrust::device}`, `{thrust::cuda::par_nosync.on(stream)}`. Not shared between threads; any number may live side by
 /// side, also on one GPU. In the steady state no call allocates. Move-only.
-template <class Policy = thrust::detail::seq_t>
+template <class Policy>
 class context {
  public:
   using policy_type = Policy;

@@ -28,6 +28,7 @@
 #include "mapping/point_culling.hpp"
 #include "mapping/stage.hpp"
 #include "mapping/time_budget.hpp"
+#include "mapping/working_map.hpp"
 #include "plain_vector.hpp"
 #include "store/argument_checks.hpp"
 
@@ -45,6 +46,18 @@ template <class Map, class Policy>
 using default_adjustment =
     std::conditional_t<detail::map_has_v<Map, detail::map_adjust_member>, local_adjustment<Map, Policy>, no_adjustment>;
 
+namespace detail {
+/// The user's adjustment, on the map that stages work on.
+template <class Adjustment, class Map>
+struct adjustment_on {
+  using type = Adjustment;
+};
+template <class User, class Policy, class Methods, class Map>
+struct adjustment_on<local_adjustment<User, Policy, Methods>, Map> {
+  using type = local_adjustment<Map, Policy, Methods>;
+};
+}  // namespace detail
+
 /// Local mapping: hand it keyframes, one after the other. One thread; tracking and loop closing may use the map meanwhile
 /// under the same guard (map_traits::guard), which is held to copy what a search reads and to apply what it found, never
 /// during a search: see docs/local_mapping.md for how long. Map, store and context must outlive the mapper.
@@ -61,12 +74,15 @@ class local_mapper {
   using camera = typename traits::camera;
   using store_type = store_of<Map, Policy>;
   using hooks_type = local_mapper_hooks<Map>;
-  using scope = mapping_scope<Map, Policy>;
+  /// What stages read and commits change: the map if it is flat, else a map_mirror, whose commits write to the map.
+  using stage_map = typename working_map<Map>::type;
+  using scope = mapping_scope<stage_map, Policy>;
 
   local_mapper(context<Policy>& ctx, Map& map, store_type& store, const local_mapper_options& options = {},
                hooks_type hooks = {})
       : ctx_(ctx),
         map_(map),
+        working_(map),
         store_(store),
         options_(options),
         hooks_(std::move(hooks)),
@@ -103,9 +119,23 @@ class local_mapper {
   void remove(std::uint64_t id) {
     store_.erase(stored_.at(id));
     stored_.erase(id);
+    working_.removed(id);
   }
   /// Puts points that tracking made on probation.
-  void watch(span<const point> points) { probation_.watch(points, iteration_); }
+  void watch(span<const point> points) {
+    if constexpr (is_flat_v<Map>)
+      probation_.watch(points, iteration_);
+    else
+      append(points, watched_);
+  }
+
+  /// For maps that are not flat, which the mapper keeps a mirror of: other parts of the system say what they changed. Tracking
+  /// need not report the keyframe that is about to be processed. What is not reported is found by a sample check in time, and
+  /// costs quality until then, never soundness. From any thread, with or without the guard. See docs/local_mapping.md.
+  void changed(const point& p) { working_.changed(p); }
+  void changed(const keyframe& k) { working_.changed(k); }
+  /// Everything may have changed: after a loop was closed, a global adjustment, a map that was loaded.
+  void refresh() { working_.refresh(); }
 
   /// One iteration on a keyframe that is inserted, in the map, and holds its associations. Keyframes, points and observations
   /// that cannot be used (map_fault) are passed over, and listed in report().refused; options.strict makes them an exception.
@@ -125,15 +155,16 @@ class local_mapper {
       if (!has_pose_) faults()({map_fault::bad_pose, id, 0, 0});
     }
     const in_progress processing(*this);
-    stage(mapping_stage::process, current, &local_mapper::update_associated);
-    stage(mapping_stage::point_culling, current, &local_mapper::cull_points);
-    stage(mapping_stage::search, current, &local_mapper::search);
-    stage(mapping_stage::creation, current, &local_mapper::create);
-    stage(mapping_stage::fusion, current, &local_mapper::fuse);
-    stage(mapping_stage::adjustment, current, &local_mapper::adjust);
-    stage(mapping_stage::keyframe_culling, current, &local_mapper::cull);
+    const stage_keyframe k = read_mirror(current);
+    stage(mapping_stage::process, k, &local_mapper::update_associated);
+    stage(mapping_stage::point_culling, k, &local_mapper::cull_points);
+    stage(mapping_stage::search, k, &local_mapper::search);
+    stage(mapping_stage::creation, k, &local_mapper::create);
+    stage(mapping_stage::fusion, k, &local_mapper::fuse);
+    stage(mapping_stage::adjustment, k, &local_mapper::adjust);
+    stage(mapping_stage::keyframe_culling, k, &local_mapper::cull);
     search_.release();
-    if (!due_.empty()) update_due(due_stage());
+    if (!due_.empty() || !moved_.empty() || !changed_.empty()) update_due(due_stage());
     report_.total_ms = budget_.elapsed_ms();
     ++iteration_;
     return report_;
@@ -142,12 +173,18 @@ class local_mapper {
   /// Normals and distance ranges of points whose position was changed, e.g. in the adjust hook: during process() they are
   /// computed at its end, with all that is due by then, otherwise at once.
   void update_geometry(span<const point> points) {
-    due_.moved(points);
+    if constexpr (is_flat_v<Map>)
+      due_.moved(points);
+    else
+      append(points, moved_);
     if (!processing_) update_due(mapping_stage::adjustment);
   }
   /// Descriptors, normals and distance ranges of points whose observations were changed: likewise.
   void update_appearance(span<const point> points) {
-    due_.changed(points);
+    if constexpr (is_flat_v<Map>)
+      due_.changed(points);
+    else
+      append(points, changed_);
     if (!processing_) update_due(mapping_stage::adjustment);
   }
 
@@ -156,7 +193,7 @@ class local_mapper {
   /// Keyframes that were processed.
   std::int64_t iterations() const { return iteration_; }
   /// The last correspondence search.
-  const neighbour_search<Map, Policy>& last_search() const { return search_; }
+  const neighbour_search<stage_map, Policy>& last_search() const { return search_; }
   const handle_table& stored() const { return stored_; }
 
  private:
@@ -176,7 +213,10 @@ class local_mapper {
     local_mapper& mapper_;
   };
 
-  using stage_function = void (local_mapper::*)(keyframe, const scope&);
+  using stage_traits = map_traits<stage_map>;
+  using stage_keyframe = typename stage_traits::keyframe;
+  using stage_point = typename stage_traits::point;
+  using stage_function = void (local_mapper::*)(stage_keyframe, const scope&);
   static constexpr bool adjusts = !std::is_same_v<Adjustment, no_adjustment>;
   struct absent_adjustment {
     explicit absent_adjustment(context<Policy>&) {}
@@ -200,11 +240,47 @@ class local_mapper {
     return keyframe_traits<Data>::keypoint_count(data);
   }
   fault_sink faults() { return options_.strict ? fault_sink() : fault_sink(report_.refused); }
-  scope scope_of(mapping_stage s) { return {ctx_, map_, store_, stored_, report_.held[s], faults()}; }
+  scope scope_of(mapping_stage s) { return {ctx_, working_.get(), store_, stored_, report_.held[s], faults()}; }
   /// Whether a stage reads the pose of the keyframe that is processed.
   static bool needs_pose(mapping_stage s) { return s >= mapping_stage::search && s <= mapping_stage::adjustment; }
 
-  void stage(mapping_stage s, keyframe current, stage_function run) {
+  static void append(span<const point> points, list_of<point>& list) {
+    for (const point& p : points) list.push_back(p);
+  }
+  /// What stages call the keyframe. A mirror hears what was reported, and reads the keyframe anew when a stage asks for it.
+  stage_keyframe read_mirror(const keyframe& current) {
+    if constexpr (is_flat_v<Map>) {
+      return current;
+    } else {
+      const auto guard = scope_of(mapping_stage::process).guard();
+      working_.begin();
+      report_.healed = working_.check_sample(options_.checked_share);
+      const stage_keyframe k = working_.number(current);
+      working_.take_associations(k);
+      numbered(watched_);
+      probation_.watch(numbers_, iteration_);
+      return k;
+    }
+  }
+  /// The points of a list as stages call them, in numbers_; the list is empty then. The caller holds the guard.
+  void numbered(list_of<point>& list) {
+    numbers_.clear();
+    for (const point& p : list) numbers_.push_back(working_.number(p));
+    list.clear();
+  }
+  /// What was given to update_geometry() and update_appearance() is due.
+  void take_reported() {
+    if (moved_.empty() && changed_.empty()) return;
+    const auto guard = scope_of(mapping_stage::adjustment).guard();
+    numbered(moved_);
+    for (const stage_point& p : numbers_) working_.forget(p);
+    due_.moved(numbers_);
+    numbered(changed_);
+    for (const stage_point& p : numbers_) working_.forget(p);
+    due_.changed(numbers_);
+  }
+
+  void stage(mapping_stage s, stage_keyframe current, stage_function run) {
     stage_outcome& outcome = report_.outcome[s];
     if (!options_.enabled[s] || (s == mapping_stage::adjustment && !adjusts && !hooks_.adjust)) return;
     const bool waits = s >= mapping_stage::fusion && hooks_.keyframes_wait && hooks_.keyframes_wait();
@@ -256,26 +332,27 @@ class local_mapper {
   }
   void update_due(mapping_stage s) {
     const double begin = budget_.elapsed_ms();
+    take_reported();
     report_.points_updated += due_.update(scope_of(s), appearance());
     report_.ms[s] += budget_.elapsed_ms() - begin;
   }
 
-  void update_associated(keyframe current, const scope& s) {
+  void update_associated(stage_keyframe current, const scope& s) {
     points_.clear();
     {
       const auto guard = s.guard();
-      for (std::size_t i = 0; i < keypoint_count_of(map_, current); ++i)
-        points_.push_back(traits::point_at(map_, current, i));
+      for (std::size_t i = 0; i < keypoint_count_of(s.map, current); ++i)
+        points_.push_back(stage_traits::point_at(s.map, current, i));
     }
     due_.changed(points_);
     report_.points_updated += due_.update(s, appearance());
   }
 
-  void cull_points(keyframe, const scope& s) {
+  void cull_points(stage_keyframe, const scope& s) {
     report_.points_culled = probation_(s, iteration_, options_.point_culling).dropped;
   }
 
-  void search(keyframe current, const scope& s) {
+  void search(stage_keyframe current, const scope& s) {
     if (search_.snapshot(s, current, options_.neighbours,
                          [this](std::size_t n) { return budget_.fitting(search_a_neighbour, n); }))
       cut(search_a_neighbour);
@@ -287,7 +364,7 @@ class local_mapper {
     cut_ = cut_ || options.stopped();
   }
 
-  void create(keyframe, const scope& s) {
+  void create(stage_keyframe, const scope& s) {
     const stage_outcome searched = report_.outcome[mapping_stage::search];
     if (searched != stage_outcome::done && searched != stage_outcome::cut) return;
     if (!budget_.fits(create_all)) return cut(create_all);
@@ -299,16 +376,16 @@ class local_mapper {
       report_.points_updated += created.size();
       due_.changed(creation_.due());
       if (!due_.empty()) report_.points_updated += due_.update(s, appearance());  // fusion reads it
-      watch(created);
+      probation_.watch(created, iteration_);
     });
   }
 
-  void fuse(keyframe current, const scope& s) {
-    list_of<keyframe>& targets = keyframes_;
+  void fuse(stage_keyframe current, const scope& s) {
+    list_of<stage_keyframe>& targets = keyframes_;
     {
       const auto guard = s.guard();
-      targets = neighbourhood_.targets(map_, current, options_.neighbours.neighbourhood,
-                                       [&](keyframe k) { return s.can_use(k); });
+      targets = neighbourhood_.targets(s.map, current, options_.neighbours.neighbourhood,
+                                       [&](const stage_keyframe& k) { return s.can_use(k); });
     }
     const std::size_t fitting = budget_.fitting(fuse_a_target, targets.size());
     if (fitting < targets.size()) cut(fuse_a_target);
@@ -327,13 +404,14 @@ class local_mapper {
     due_.changed(fusion_.touched());
   }
 
-  void adjust(keyframe current, const scope& s) {
+  void adjust(stage_keyframe current, const scope& s) {
     const double left = options_.deadline_ms > 0 ? options_.deadline_ms - budget_.elapsed_ms()
                                                  : std::numeric_limits<double>::infinity();
     if (!(left > 0)) {
       cut_ = true;
     } else if (hooks_.adjust) {
-      hooks_.adjust(map_, current, left);
+      hooks_.adjust(map_, working_.name(current), left);
+      working_.forget_poses();
     } else if constexpr (adjusts) {
       local_adjustment_options options = options_.adjustment;
       const double limit = options.solve.time_budget_ms;
@@ -344,9 +422,9 @@ class local_mapper {
     }
   }
 
-  void cull(keyframe current, const scope& s) {
+  void cull(stage_keyframe current, const scope& s) {
     const keyframe_culling_options& options = options_.keyframe_culling;
-    for (const keyframe& k :
+    for (const stage_keyframe& k :
          culling_.snapshot(s, current, options_.neighbours.neighbourhood, options.most_candidates)) {
       if (options.most_erased > 0 && report_.keyframes_culled.size() >= static_cast<std::size_t>(options.most_erased))
         break;
@@ -358,8 +436,8 @@ class local_mapper {
         report_.keyframes_culled.reserve(report_.keyframes_culled.size() + 1);
         culling_.commit(
             s, current, k, options,
-            [this](keyframe redundant) {
-              if (hooks_.erasing) hooks_.erasing(redundant);
+            [this](const stage_keyframe& redundant) {
+              if (hooks_.erasing) hooks_.erasing(working_.name(redundant));
             },
             [this](std::uint64_t id) {
               report_.keyframes_culled.push_back(id);
@@ -372,19 +450,21 @@ class local_mapper {
 
   context<Policy>& ctx_;
   Map& map_;
+  working_map<Map> working_;
   store_type& store_;
   local_mapper_options options_;
   hooks_type hooks_;
   handle_table stored_;
 
-  neighbourhood<Map> neighbourhood_;
-  point_culling<Map, Policy> probation_;
-  neighbour_search<Map, Policy> search_;
-  map_point_creation<Map, Policy> creation_;
-  duplicate_fusion<Map, Policy> fusion_;
-  std::conditional_t<adjusts, Adjustment, absent_adjustment> adjustment_;
-  keyframe_culling<Map, Policy> culling_;
-  due_appearances<Map, Policy> due_;
+  neighbourhood<stage_map> neighbourhood_;
+  point_culling<stage_map, Policy> probation_;
+  neighbour_search<stage_map, Policy> search_;
+  map_point_creation<stage_map, Policy> creation_;
+  duplicate_fusion<stage_map, Policy> fusion_;
+  std::conditional_t<adjusts, typename detail::adjustment_on<Adjustment, stage_map>::type, absent_adjustment>
+      adjustment_;
+  keyframe_culling<stage_map, Policy> culling_;
+  due_appearances<stage_map, Policy> due_;
 
   std::int64_t iteration_ = 0;
   time_budget<pieces> budget_;
@@ -392,8 +472,9 @@ class local_mapper {
   bool cut_ = false;
   bool stopped_ = false;
   bool has_pose_ = false;  ///< the keyframe that is processed
-  list_of<keyframe> keyframes_;
-  list_of<point> points_;
+  list_of<stage_keyframe> keyframes_;
+  list_of<stage_point> points_, numbers_;
+  list_of<point> watched_, moved_, changed_;  ///< by the user, not numbered yet: of a map that is not flat
   bool processing_ = false;
 };
 

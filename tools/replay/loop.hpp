@@ -95,6 +95,9 @@ class replayer {
   using point = typename traits::point;
   using camera = typename traits::camera;
 
+  using adjustment = turbomap::local_adjustment<map_type, Policy, turbomap::every_adjustment_method>;
+  using mapper_type = turbomap::local_mapper<map_type, Policy, adjustment>;
+
   replayer(const turbomap::recording& recording, const Policy& policy, const arguments& arguments)
       : recording_(recording),
         arguments_(arguments),
@@ -231,10 +234,9 @@ class replayer {
   world world_;
   pose_tracker<map_type, Policy> tracker_;
   local_map_search<map_type, Policy> local_map_;
-  match_judge<map_type, Policy> judge_;
+  match_judge<typename mapper_type::stage_map, Policy> judge_;
   points_judge<map_type> points_;
-  using adjustment = turbomap::local_adjustment<map_type, Policy, turbomap::every_adjustment_method>;
-  turbomap::local_mapper<map_type, Policy, adjustment> mapper_;
+  mapper_type mapper_;
   replay_result result_;
   std::vector<turbomap::keypoint> keypoints_;
   double clock_ms_ = 0, began_ = 0;

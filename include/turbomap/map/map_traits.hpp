@@ -53,6 +53,7 @@
 ///       static void set_pose(my::Map&, keyframe, const turbomap::rigid_transform<double>& T_cw);
 ///
 ///       // Optional
+///       static constexpr bool flat = true;  // reads cost no more than those of an array: no mirror of the map is kept
 ///       static turbomap::span<const std::uint32_t> octave_counts(const my::Map&, point);  // see observation_counts.hpp
 ///       static void change_octave_count(my::Map&, point, int octave, int change);         // both or neither
 ///       static void reserve_observations(my::Map&, point, std::size_t more);  // may throw: add_observation then does not
@@ -181,6 +182,8 @@ template <class M, class T>
 using map_found_member = decltype(T::found_ratio(std::declval<const M&>(), std::declval<point_of<T>>()));
 template <class M, class T>
 using map_may_erase_member = decltype(T::may_erase(std::declval<const M&>(), std::declval<keyframe_of<T>>()));
+template <class M, class T>
+using map_origin_member = decltype(T::is_origin(std::declval<const M&>(), std::declval<keyframe_of<T>>()));
 template <class M, class T>
 using map_temporal_member = std::void_t<decltype(T::time(std::declval<const M&>(), std::declval<keyframe_of<T>>())),
                                         decltype(T::previous(std::declval<const M&>(), std::declval<keyframe_of<T>>())),

@@ -21,14 +21,10 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-namespace detail {
-template <class M, class T>
-using map_origin_member = decltype(T::is_origin(std::declval<const M&>(), std::declval<keyframe_of<T>>()));
-}  // namespace detail
-
-/// Free are the keyframe, those that share enough points with it and, if asked for, with one of those; all their points are free; other keyframes that see
-/// these points are fixed, and so is the origin of the map (optional member is_origin(map, keyframe) of the traits). Where
-/// nothing would be fixed, the oldest keyframe is. Keyframes that are not in the store are passed over.
+/// Free are the keyframe, those that share enough points with it and, if asked for, with one of those; all their points are
+/// free; other keyframes that see these points are fixed, and so is the origin of the map (optional member
+/// is_origin(map, keyframe) of the traits). Where nothing would be fixed, the oldest keyframe is. Keyframes that are not in the
+/// store are passed over.
 template <class Map>
 class adjustment_window {
  public:

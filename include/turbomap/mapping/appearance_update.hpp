@@ -17,6 +17,7 @@
 #include "../plain_vector.hpp"
 #include "in_pieces.hpp"
 #include "keyframe_selection.hpp"
+#include "look_again.hpp"
 #include "stage.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -102,6 +103,7 @@ class appearance_update {
     const auto guard = s.guard();
     for (std::size_t i = 0; i < updated_.size(); ++i) {
       const point p = points_[begin + i];
+      look_at_position(s.map, p);
       if (!traits::alive(s.map, p)) continue;
       point_appearance& u = updated_[i];
       if (!options.geometry)

@@ -17,6 +17,7 @@
 #include "../matching/creation_plan.hpp"
 #include "../plain_vector.hpp"
 #include "../span.hpp"
+#include "look_again.hpp"
 
 namespace turbomap {
 
@@ -66,9 +67,11 @@ void commit_points(Map& map, const new_points_view& points,
     require(o.keyframe >= 0 && static_cast<std::size_t>(o.keyframe) < keyframes.size(), "observations[].keyframe",
             o.keyframe, "is not the number of a keyframe");
     const auto k = keyframes[static_cast<std::size_t>(o.keyframe)];
+    look_again(map, k);
     if (!traits::alive(map, k)) continue;
     require(o.keypoint >= 0 && static_cast<std::size_t>(o.keypoint) < keypoint_count_of(map, k),
             "observations[].keypoint", o.keypoint, "is not a keypoint of the keyframe");
+    look_again(map, k, static_cast<std::size_t>(o.keypoint));
     require_consistent_slot(map, k, static_cast<std::size_t>(o.keypoint), faults);
   }
   created.reserve(created.size() + count), due.reserve(due.size() + count);

@@ -31,6 +31,7 @@
 #include "../plain_vector.hpp"
 #include "../span.hpp"
 #include "fusion_options.hpp"
+#include "look_again.hpp"
 
 namespace turbomap {
 
@@ -117,7 +118,7 @@ class fusion_commit {
   void check(const Map& map, span<const duplicate<Distance>> plan, span<const keyframe> targets,
              span<const point> points, fault_sink faults) {
     std::size_t views = 0;
-    checked_.clear(), sound_.clear();
+    checked_.clear(), sound_.clear(), looked_at_.clear();
     for (std::size_t i = 0; i < plan.size(); ++i) {
       const auto& entry = plan[i];
       require(entry.target >= 0 && static_cast<std::size_t>(entry.target) < targets.size(), "plan[].target",
@@ -125,11 +126,14 @@ class fusion_commit {
       require(entry.point >= 0 && static_cast<std::size_t>(entry.point) < points.size(), "plan[].point", entry.point,
               "is not the number of a point");
       const keyframe k = targets[static_cast<std::size_t>(entry.target)];
+      look_again(map, k);
       if (!traits::alive(map, k)) continue;
       require(entry.keypoint >= 0 && static_cast<std::size_t>(entry.keypoint) < keypoint_count_of(map, k),
               "plan[].keypoint", entry.keypoint, "is not a keypoint of the target");
-      if (!check_entry(map, k, static_cast<std::size_t>(entry.keypoint),
-                       resolve(map, points[static_cast<std::size_t>(entry.point)]), views, faults))
+      const point searched = points[static_cast<std::size_t>(entry.point)];
+      look_once(map, searched);
+      look_again(map, k, static_cast<std::size_t>(entry.keypoint));
+      if (!check_entry(map, k, static_cast<std::size_t>(entry.keypoint), resolve(map, searched), views, faults))
         actions_[i] = fusion_action::refused;
     }
     scratch_.reserve(views + plan.size());  // each entry may add a view
@@ -150,9 +154,14 @@ class fusion_commit {
       }
     return true;
   }
+  void look_once(const Map& map, point p) {
+    const std::size_t known = looked_at_.size();
+    if (looked_at_.place(map, p) == known) look_again(map, p);
+  }
   bool check_once(const Map& map, point p, std::size_t& views, fault_sink faults) {
     const std::size_t known = sound_.size(), at = checked_.place(map, p);
     if (at != known) return sound_[at] != 0;
+    look_once(map, p);
     sound_.push_back(require_consistent(map, p, faults) ? 1 : 0);
     traits::for_each_observation(map, p, [&](keyframe, std::size_t) { ++views; });
     return sound_[at] != 0;
@@ -188,7 +197,7 @@ class fusion_commit {
     s.conflicts += action == fusion_action::conflict ? 1 : 0;
   }
 
-  point_numbering<Map> checked_;
+  point_numbering<Map> looked_at_, checked_;
   plain_vector<std::uint8_t> sound_;  ///< of each of them
   plain_vector<fusion_action> actions_;
   list_of<point> touched_, survivors_;

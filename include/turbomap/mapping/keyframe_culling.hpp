@@ -21,6 +21,7 @@
 #include "../math/strict.hpp"
 #include "../plain_vector.hpp"
 #include "../span.hpp"
+#include "look_again.hpp"
 #include "stage.hpp"
 
 namespace turbomap {
@@ -161,6 +162,7 @@ void cull_keyframes(Map& map, typename map_traits<Map>::keyframe current,
   if constexpr (has_time)
     if (options.temporal_guards) state = temporal_state<Map>::of(map, current, options);
   for (const auto& keyframe : candidates) {
+    look_again(map, keyframe);
     bool protect = !traits::alive(map, keyframe) || keyframe == current;
     if constexpr (detail::map_has_v<Map, detail::map_may_erase_member>)
       protect = protect || !traits::may_erase(map, keyframe);
@@ -177,10 +179,14 @@ void cull_keyframes(Map& map, typename map_traits<Map>::keyframe current,
       records.push_back({keyframe, id, {}, culling_verdict::protected_});
       continue;
     }
-    const redundancy count = count_redundant(map, keyframe, options, scratch);
+    redundancy count = count_redundant(map, keyframe, options, scratch);
     bool erase = is_redundant(count, options);
     if constexpr (has_time)
       if (erase && options.temporal_guards) erase = !leaves_gap(map, keyframe, state, options);
+    if (is_copy_v<Map> && erase && look_at_all(map, keyframe, options.fewest_measurements)) {
+      count = count_redundant(map, keyframe, options, scratch);
+      erase = traits::alive(map, keyframe) && is_redundant(count, options);
+    }
     if constexpr (counts_octaves_v<Map>) erase = erase && require_consistent_keyframe(map, keyframe, faults);
     if (erase) {
       if constexpr (!std::is_null_pointer_v<Touched>)

@@ -21,6 +21,7 @@
 #include "../store/argument_checks.hpp"
 #include "adjustment_window.hpp"
 #include "local_adjustment_options.hpp"
+#include "look_again.hpp"
 #include "stage.hpp"
 #include "window_measurements.hpp"
 
@@ -154,9 +155,11 @@ class local_adjustment {
   }
   bool poses_are_known(const Map& map) const {
     const auto& frames = window_.frames();
-    for (std::size_t f = 0; f < frames.size(); ++f)
-      if (window_.fixed()[f] == 0 && (!traits::alive(map, frames[f]) || !same(pose_of(map, frames[f]), known_[f])))
-        return false;
+    for (std::size_t f = 0; f < frames.size(); ++f) {
+      if (window_.fixed()[f] != 0) continue;
+      look_again(map, frames[f]);
+      if (!traits::alive(map, frames[f]) || !same(pose_of(map, frames[f]), known_[f])) return false;
+    }
     return true;
   }
   void write_poses(Map& map) {
@@ -179,6 +182,8 @@ class local_adjustment {
       const auto keypoint = static_cast<std::size_t>(row.keypoint);
       const point p = points()[static_cast<std::size_t>(row.landmark)];
       // It may have died of an outlier before, or been changed by somebody else.
+      look_again(map, p);
+      look_again(map, k, keypoint);
       if (!traits::alive(map, k) || !(traits::point_at(map, k, keypoint) == p)) continue;
       if (fade(map, k, keypoint, options.fewest_measurements))
         ++summary.points_erased;
@@ -188,6 +193,7 @@ class local_adjustment {
     }
   }
   bool unmoved(const Map& map, std::size_t p) const {
+    look_at_position(map, points()[p]);
     if (!traits::alive(map, points()[p])) return false;
     const vec3<double> now = adjustment_window<Map>::position_of(map, points()[p]), &then = window_.positions()[p];
     return now.x == then.x && now.y == then.y && now.z == then.z;
@@ -202,6 +208,8 @@ class local_adjustment {
       const keyframe k = window_.frames()[static_cast<std::size_t>(row.frame)];
       const auto l = static_cast<std::size_t>(row.landmark);
       const point p = points()[l];
+      look_again(map, p);
+      look_again(map, k, static_cast<std::size_t>(row.keypoint));
       if (!traits::alive(map, k) || !unmoved(map, l) ||
           !(traits::point_at(map, k, static_cast<std::size_t>(row.keypoint)) == p))
         continue;

@@ -17,6 +17,7 @@
 #include "../map/validate.hpp"
 #include "../plain_vector.hpp"
 #include "../span.hpp"
+#include "look_again.hpp"
 #include "stage.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -34,11 +35,20 @@ map_point_culling_summary cull_recent_points(Map& map, List& recent, std::int64_
   plain_vector<std::uint8_t> failed(recent.size(), 0);
   for (std::size_t i = 0; i < recent.size(); ++i) {
     const auto& r = recent[i];
-    if (!traits::alive(map, r.point)) continue;
-    if (!require_consistent(map, r.point, faults)) continue;  // before its views are looked at
-    float found_ratio = 1;
-    if constexpr (detail::map_has_v<Map, detail::map_found_member>) found_ratio = traits::found_ratio(map, r.point);
-    failed[i] = fails_probation(found_ratio, measurement_count(map, r.point), now - r.since, options) ? 1 : 0;
+    const auto fails = [&] {
+      if (!traits::alive(map, r.point)) return false;
+      if (!require_consistent(map, r.point, faults)) return false;  // before its views are looked at
+      float found_ratio = 1;
+      if constexpr (detail::map_has_v<Map, detail::map_found_member>) found_ratio = traits::found_ratio(map, r.point);
+      return fails_probation(found_ratio, measurement_count(map, r.point), now - r.since, options);
+    };
+    look_at_position(map, r.point);
+    bool failing = fails();
+    if (is_copy_v<Map> && failing) {
+      look_again(map, r.point);
+      failing = fails();
+    }
+    failed[i] = failing ? 1 : 0;
   }
   map_point_culling_summary summary;
   std::size_t kept = 0;

@@ -1,0 +1,65 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// From the ids of a user's keyframes or points to their numbers in a mirror. Ids come and go; memory follows those that are
+/// there.
+
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+
+#include "../map/id_table.hpp"
+#include "../plain_vector.hpp"
+
+namespace turbomap {
+
+class id_numbers {
+ public:
+  static constexpr std::int32_t none = -1;
+
+  std::int32_t find(std::uint64_t id) const {
+    const std::size_t at = table_.find(id);
+    return at == id_table::none ? none : numbers_[at];
+  }
+  /// Amortised O(1). Throws std::bad_alloc.
+  void set(std::uint64_t id, std::int32_t number) {
+    if (gone_ > 1024 && 2 * gone_ > ids_.size()) drop_gone();
+    const std::size_t known = ids_.size();
+    ids_.push_back(id), numbers_.push_back(number);  // so that place() below is the only step that may fail later
+    const std::size_t at = table_.place(id);
+    if (at == known) return;
+    ids_.pop_back(), numbers_.pop_back();
+    gone_ -= numbers_[at] == none && number != none ? 1 : 0;
+    numbers_[at] = number;
+  }
+  void erase(std::uint64_t id) {
+    const std::size_t at = table_.find(id);
+    if (at == id_table::none || numbers_[at] == none) return;
+    numbers_[at] = none;
+    ++gone_;
+  }
+
+ private:
+  void drop_gone() {
+    id_table table;
+    plain_vector<std::uint64_t> ids;
+    plain_vector<std::int32_t> numbers;
+    for (std::size_t i = 0; i < ids_.size(); ++i) {
+      if (numbers_[i] == none) continue;
+      table.place(ids_[i]);
+      ids.push_back(ids_[i]), numbers.push_back(numbers_[i]);
+    }
+    table_ = std::move(table);
+    ids_.swap(ids), numbers_.swap(numbers);
+    gone_ = 0;
+  }
+
+  id_table table_;  ///< places are those of the two lists
+  plain_vector<std::uint64_t> ids_;
+  plain_vector<std::int32_t> numbers_;
+  std::size_t gone_ = 0;
+};
+
+}  // namespace turbomap

@@ -1,0 +1,292 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// A mirror is what the map is: after every edit through it, after every edit of others that is reported, and, of what nobody
+/// reports, in time. Commits on it leave a sound map whatever it holds.
+
+#include <doctest/doctest.h>
+
+#include <turbomap/map/map_edit.hpp>
+#include <turbomap/map/validate.hpp>
+#include <turbomap/mapping/map_mirror.hpp>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <mutex>
+#include <random>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "scenes/map_scene.hpp"
+#include "scenes/map_world.hpp"
+#include "scenes/pointer_map.hpp"
+
+namespace turbomap_test {
+
+struct pointer_holder {
+  pointer_map objects;
+};
+/// A map of pointers, edited through its mirror.
+struct mirrored_map : pointer_holder, turbomap::map_mirror<pointer_map> {
+  mirrored_map() : map_mirror(objects) {}
+};
+
+inline turbomap::map_keyframe_id insert_keyframe(mirrored_map& map, const std::vector<turbomap::keypoint>& keypoints,
+                                                 double time_s, turbomap::map_keyframe_id) {
+  return map.number(insert_keyframe(map.objects, keypoints, time_s, nullptr));
+}
+
+}  // namespace turbomap_test
+
+template <>
+struct turbomap::map_traits<turbomap_test::mirrored_map>
+    : turbomap::map_traits<turbomap::map_mirror<turbomap_test::pointer_map>> {};
+
+namespace {
+
+using namespace turbomap_test;
+using traits = turbomap::map_traits<mirrored_map>;
+using user_traits = turbomap::map_traits<pointer_map>;
+
+/// Half of the edits are made by others, on the map itself, and reported: sometimes by the point, sometimes by the keyframe.
+struct reported_edits : library_edits {
+  static bool observe(mirrored_map& m, turbomap::map_point_id p, turbomap::map_keyframe_id k, std::size_t i) {
+    if (i % 2 == 0) return turbomap::observe(m, p, k, i);
+    const bool made = turbomap::observe(m.objects, m.name(p), m.name(k), i);
+    if (i % 3 == 0)
+      m.changed(m.name(k));
+    else
+      m.changed(m.name(p));
+    m.hear();
+    return made;
+  }
+  static turbomap::map_point_id forget(mirrored_map& m, turbomap::map_keyframe_id k, std::size_t i) {
+    if (i % 2 == 0) return turbomap::forget(m, k, i);
+    const auto p = traits::point_at(m, k, i);
+    turbomap::forget(m.objects, m.name(k), i);
+    if (i % 3 == 0 || p == turbomap::map_point_id{})
+      m.changed(m.name(k));
+    else
+      m.changed(m.name(p));
+    m.changed(m.name(p));  // its reference may be another
+    m.hear();
+    return p;
+  }
+  template <class S>
+  static bool merge(mirrored_map& m, turbomap::map_point_id from, turbomap::map_point_id into,
+                    const turbomap::fusion_commit_options& o, S& scratch) {
+    if (from.index % 2 == 0) return turbomap::merge_points(m, from, into, o.merges, scratch, o.tolerance);
+    std::vector<std::pair<pointer_keyframe*, std::size_t>> views;
+    const bool made = turbomap::merge_points(m.objects, m.name(from), m.name(into), o.merges, views, o.tolerance);
+    m.changed(m.name(from)), m.changed(m.name(into));
+    if (from.index % 3 == 0) m.refresh();
+    m.hear();
+    return made;
+  }
+};
+
+template <class Edits>
+void check_edits(std::size_t worlds) {
+  for (std::size_t n = 0; n < worlds; ++n) {
+    world_options o;
+    o.cameras = std::array{1, 2, 4}[n % 3], o.levels = std::array{8, 8, 1, 3}[n % 4];
+    o.keypoints_per_camera = std::array{24, 14, 9}[n % 3];
+    const auto failure = run_edits<mirrored_map, Edits>(random_edits(static_cast<std::uint32_t>(n + 1), 5000), o, 1000);
+    CAPTURE(n);
+    INFO((failure ? std::to_string(failure->edit) + ": " + failure->what : std::string()));
+    REQUIRE(!failure);
+  }
+}
+
+TEST_CASE("after every edit through the mirror it is what the map is") { check_edits<library_edits>(40); }
+TEST_CASE("after every edit of others that is reported the mirror is what the map is") {
+  check_edits<reported_edits>(40);
+}
+
+std::vector<turbomap::map_violation> faults_of(const pointer_map& map) {
+  std::vector<turbomap::map_violation> faults;
+  const auto report = [&](const turbomap::map_violation& v) { faults.push_back(v); };
+  for (const pointer_keyframe& k : map.keyframes)
+    for (std::size_t i = 0; !k.bad && i < k.keypoints.size(); ++i)
+      turbomap::detail::check_slot(map, const_cast<pointer_keyframe*>(&k), i, report);
+  for (const pointer_point& p : map.points)
+    if (!p.bad) turbomap::detail::check_point(map, const_cast<pointer_point*>(&p), report);
+  return faults;
+}
+
+/// How many points and slots differ.
+std::size_t differences(const mirrored_map& m) {
+  std::size_t count = 0;
+  for (const pointer_point& object : m.objects.points) {
+    auto* const p = const_cast<pointer_point*>(&object);
+    if (object.bad) continue;
+    const auto mine = m.number(p);
+    std::vector<std::pair<const pointer_keyframe*, std::size_t>> here, there;
+    traits::for_each_observation(m, mine, [&](turbomap::map_keyframe_id k, std::size_t i) {
+      here.push_back({m.name(k), i});
+    });
+    user_traits::for_each_observation(m.objects, p, [&](pointer_keyframe* k, std::size_t i) {
+      there.push_back({k, i});
+    });
+    std::sort(here.begin(), here.end()), std::sort(there.begin(), there.end());
+    count += here != there || traits::position(m, mine).x != object.position.x ? 1 : 0;
+  }
+  for (const pointer_keyframe& object : m.objects.keyframes) {
+    auto* const k = const_cast<pointer_keyframe*>(&object);
+    for (std::size_t i = 0; !object.bad && i < object.keypoints.size(); ++i)
+      count += m.name(traits::point_at(m, m.number(k), i)) != object.points[i] ? 1 : 0;
+  }
+  return count;
+}
+
+/// Keyframes, points, and observations of them, made through the mirror.
+struct furnished {
+  mirrored_map m;
+  std::mt19937 random;
+  bool edits_before_commit = true;  ///< and reports nothing
+
+  explicit furnished(unsigned seed) : random(seed) {
+    for (std::uint32_t k = 0; k < 10; ++k)
+      turbomap_test::insert_keyframe(m, random_keypoints(seed + k, 2, 8, 20), k, {});
+    for (int n = 0; n < 60; ++n) {
+      const auto p = traits::add_point(m, {1.0 * n, 2, 3}, m.number(keyframe()));
+      for (int v = 0; v < 8; ++v) turbomap::observe(m, p, m.number(keyframe()), draw(40));
+    }
+  }
+  std::size_t draw(std::size_t n) { return random() % n; }
+  pointer_keyframe* keyframe() {
+    for (;;) {
+      auto& k = m.objects.keyframes[draw(m.objects.keyframes.size())];
+      if (!k.bad) return &k;
+    }
+  }
+  pointer_point* point() {
+    for (;;) {
+      auto& p = m.objects.points[draw(m.objects.points.size())];
+      if (!p.bad) return &p;
+    }
+  }
+  /// Somebody else edits the map.
+  void edit() {
+    pointer_map& map = m.objects;
+    switch (draw(16)) {
+      case 0:
+        if (std::count_if(map.keyframes.begin(), map.keyframes.end(), [](const auto& k) { return !k.bad; }) > 4)
+          turbomap::erase_keyframe(map, keyframe());
+        return;
+      case 1:
+        if (std::count_if(map.points.begin(), map.points.end(), [](const auto& p) { return !p.bad; }) > 20)
+          turbomap::erase_point(map, point());
+        return;
+      case 2: {
+        std::vector<std::pair<pointer_keyframe*, std::size_t>> views;
+        turbomap::merge_points(map, point(), point(), turbomap::merge_rule::drop, views);
+        return;
+      }
+      case 3:
+        user_traits::set_position(map, point(), {1.0 * static_cast<double>(draw(100)), 0, 1});
+        return;
+      case 4:
+      case 5: {
+        auto* const p = user_traits::add_point(map, {1, 2, 3}, keyframe());
+        turbomap::observe(map, p, keyframe(), draw(40));
+        return;
+      }
+      case 6:
+      case 7:
+      case 8:
+        turbomap::forget(map, keyframe(), draw(40));
+        return;
+      default:
+        turbomap::observe(map, point(), keyframe(), draw(40));
+    }
+  }
+  /// A commit on the mirror: of duplicates, of culled points or of culled keyframes, chosen by the names that a stage had copied.
+  void commit() {
+    if (draw(4) == 0) {
+      std::vector<turbomap::recent_point<turbomap::map_point_id>> recent;
+      for (int n = 0; n < 6; ++n) recent.push_back({m.number(point()), 0});
+      turbomap::map_point_culling_options o;
+      o.fewest_measurements = 3;
+      turbomap::cull_recent_points(static_cast<turbomap::map_mirror<pointer_map>&>(m), recent, 2, o);
+      return;
+    }
+    std::vector<turbomap::map_keyframe_id> targets;
+    std::vector<turbomap::map_point_id> points;
+    for (int n = 0; n < 3; ++n) targets.push_back(m.number(keyframe()));
+    for (int n = 0; n < 6; ++n) points.push_back(m.number(point()));
+    if (draw(4) == 0) {
+      std::vector<turbomap::culling_record<turbomap::map_keyframe_id>> records;
+      turbomap::keyframe_culling_options o;
+      o.redundant_share = 0.4F, o.observers = 1, o.max_depth = 0;
+      if (draw(8) == 0) turbomap::cull_keyframes(m, targets[0], turbomap::span(&targets[1], 1), o, records);
+      return;
+    }
+    if (edits_before_commit) edit();  // between search and commit
+    std::vector<turbomap::duplicate<std::int32_t>> plan;
+    for (int n = 0; n < 6; ++n)
+      plan.push_back({static_cast<std::int32_t>(draw(3)), 0, static_cast<std::int32_t>(draw(6)),
+                      static_cast<std::int32_t>(draw(40)), 1});
+    turbomap::fusion_commit<mirrored_map> fusion;
+    fusion(m, turbomap::span<const turbomap::duplicate<std::int32_t>>(plan),
+           turbomap::span<const turbomap::map_keyframe_id>(targets),
+           turbomap::span<const turbomap::map_point_id>(points));
+  }
+};
+
+TEST_CASE("what nobody reports: commits leave a sound map, and the sample check finds all of it in time") {
+  for (unsigned seed = 1; seed <= 30; ++seed) {
+    CAPTURE(seed);
+    furnished f(seed);
+    REQUIRE(differences(f.m) == 0);
+    bool stale = false;
+    for (int round = 0; round < 100; ++round) {
+      CAPTURE(round);
+      for (std::size_t n = f.draw(4); n > 0; --n) f.edit();
+      stale = stale || differences(f.m) != 0;
+      f.commit();
+      const auto faults = faults_of(f.m.objects);
+      INFO((faults.empty() ? std::string() : turbomap::to_string(faults[0])));
+      REQUIRE(faults.empty());
+    }
+    CHECK(stale);
+    std::size_t healed = 0;
+    for (int n = 0; n < 12; ++n) healed += f.m.check_sample(0.1);  // ten times a tenth; ten keyframes, one at each
+    CHECK(healed > 0);
+    CHECK(differences(f.m) == 0);
+    CHECK(f.m.check_sample(1) == 0);
+  }
+}
+
+TEST_CASE("another thread edits the map and reports it") {
+  furnished f(7);
+  f.edits_before_commit = false;
+  std::mutex guard;
+  std::atomic<bool> done{false};
+  std::thread other([&] {
+    while (!done) {
+      std::lock_guard<std::mutex> lock(guard);
+      f.edit();
+      f.m.refresh();
+      f.m.changed(f.point());
+    }
+  });
+  for (int round = 0; round < 300; ++round) {
+    f.m.changed(&f.m.objects.keyframes[0]);
+    std::lock_guard<std::mutex> lock(guard);
+    f.m.hear();
+    if (round % 10 == 0) CHECK(differences(f.m) == 0);
+    f.commit();
+    REQUIRE(faults_of(f.m.objects).empty());
+  }
+  done = true;
+  other.join();
+}
+
+}  // namespace
