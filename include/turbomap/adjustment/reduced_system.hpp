@@ -31,22 +31,25 @@ struct reduced_layout {
   }
 };
 
-/// Index below free_frames: a diagonal block and its right hand side; above: one of the other blocks. Indices are
-/// mixed, so that neighbours (which one thread takes) are of all sizes.
+/// Task below free_frames: a diagonal block and its right hand side; above: one of the other blocks. Indices take runs of
+/// neighbouring blocks, which share a frame and so find its columns in the cache. The runs are mixed, so that what one thread
+/// takes is of all sizes.
 template <class A, int V, int D>
 struct reduce_blocks {
   schur_view<A> s;
   reduced_layout out;
   turbomap::damping damping;
-  int count, step;
+  int count, runs, step;
 
+  static constexpr int run = 32;
   static constexpr int n = column_lanes<V>;
   static constexpr int ahead = 8;  ///< entries of a list between asking for memory and reading it
   static constexpr int row_bytes = 3 * V * static_cast<int>(sizeof(A));
   using P = pack<A, n>;
 
   TURBOMAP_HD void operator()(int i) const {
-    const int task = static_cast<int>(static_cast<long long>(i) * step % count);
+    const int task = static_cast<int>(static_cast<long long>(i / run) * step % runs) * run + i % run;
+    if (task >= count) return;
     if (task < s.free_frames)
       diagonal(task);
     else
@@ -134,10 +137,11 @@ inline int common_divisor(int a, int b) {
 template <int V, int D, class Derived, class A>
 void launch_reduce_blocks(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s,
                           const reduced_layout& out, const damping& damping) {
-  const int count = s.free_frames + s.blocks;
-  int step = count / 2 + count / 8;  // any number without a common divisor
-  while (step > 1 && common_divisor(step, count) != 1) --step;
-  for_each_index(derived(policy), count, reduce_blocks<A, V, D>{s, out, damping, count, step > 0 ? step : 1});
+  using body = reduce_blocks<A, V, D>;
+  const int count = s.free_frames + s.blocks, runs = (count + body::run - 1) / body::run;
+  int step = runs / 2 + runs / 8;  // any number without a common divisor
+  while (step > 1 && common_divisor(step, runs) != 1) --step;
+  for_each_index(derived(policy), runs * body::run, body{s, out, damping, count, runs, step > 0 ? step : 1});
 }
 
 TURBOMAP_END_NAMESPACE
