@@ -9,6 +9,7 @@
 #include <cstddef>
 
 #include "../config.hpp"
+#include "../math/pack_convert.hpp"
 #include "../parallel.hpp"
 #include "damping.hpp"
 #include "schur_view.hpp"
@@ -32,12 +33,7 @@ struct substitute_landmarks {
     for (int l = i * landmarks_per_index; l < end; ++l) {
       const eliminated_landmark& e = s.landmark[l];
       double y[3] = {e.c[0], e.c[1], e.c[2]};
-      for (int slot = s.landmark_slot[l]; slot < s.landmark_slot[l + 1]; ++slot) {
-        const A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
-        const double* x = step + static_cast<std::ptrdiff_t>(s.slot_frame[slot]) * D;
-        for (int m = 0; m < 3; ++m)
-          for (int v = 0; v < V; ++v) y[m] -= static_cast<double>(z[m * V + v]) * x[v];
-      }
+      subtract_steps(s.landmark_slot[l], s.landmark_slot[l + 1], y);
       double held[3] = {damping.lambda, damping.lambda, damping.lambda};
       if (damping.scaled) {
         double h[9];
@@ -47,6 +43,26 @@ struct substitute_landmarks {
       move(l, y, held, gain);
     }
     predicted[i] = gain;
+  }
+
+  /// y -= Z^T x of some slots: four unknowns of a frame at once where there are vectors, the others one by one.
+  TURBOMAP_HD void subtract_steps(int slot, int end, double (&y)[3]) const {
+    using P = pack<double, 4>;
+    constexpr int wide = TURBOMAP_VECTOR_BYTES > 0 && V >= 4 ? 4 : 0;
+    P four[3] = {P(0.0), P(0.0), P(0.0)};
+    for (; slot < end; ++slot) {
+      const A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
+      const double* x = step + static_cast<std::ptrdiff_t>(s.slot_frame[slot]) * D;
+      if constexpr (wide > 0) {
+        const P first = P::load(x);
+        for (int m = 0; m < 3; ++m)
+          four[m] = multiply_add(convert<double>(pack<A, 4>::load(z + m * V)), first, four[m]);
+      }
+      for (int m = 0; m < 3; ++m)
+        for (int v = wide; v < V; ++v) y[m] -= static_cast<double>(z[m * V + v]) * x[v];
+    }
+    if constexpr (wide > 0)
+      for (int m = 0; m < 3; ++m) y[m] -= sum(four[m]);
   }
 
   /// Moves landmark l. \param y  its L^-1 b - Z^T x   \param held  damping of its coordinates   \param gain  added to

@@ -19,6 +19,8 @@ TURBOMAP_HD pack<T, N> convert(const pack<U, N>& a) {
     if constexpr (N == 8 && std::is_same_v<T, float>)
       return pack<float, 8>(typename pack<float, 8>::vector(
           _mm256_set_m128(_mm256_cvtpd_ps(__m256d(a.hi.v)), _mm256_cvtpd_ps(__m256d(a.lo.v)))));
+    if constexpr (N == 4 && std::is_same_v<T, double>)
+      return pack<double, 4>(typename pack<double, 4>::vector(_mm256_cvtps_pd(__m128(a.v))));
 #endif
     U from[N];
     T to[N];
