@@ -41,7 +41,7 @@ struct reduce_blocks {
   turbomap::damping damping;
   int count, runs, step;
 
-  static constexpr int run = 32;
+  static constexpr int run = 8;
   static constexpr int n = column_lanes<V>;
   static constexpr int ahead = 8;  ///< entries of a list between asking for memory and reading it
   static constexpr int row_bytes = 3 * V * static_cast<int>(sizeof(A));
