@@ -7,6 +7,7 @@
 
 #include <thrust/execution_policy.h>
 
+#include <limits>
 #include <stdexcept>
 #include <type_traits>
 
@@ -32,6 +33,23 @@ TEST_CASE("an element is damped by itself, within bounds, or by lambda alone") {
   CHECK(turbomap::damping{0.5, true}(8) == 4);
   CHECK(turbomap::damping{0.5, true}(0) == 0.5e-6);
   CHECK(turbomap::damping{0.5, true}(1e40) == 0.5e32);
+}
+
+TEST_CASE("refused steps are damped 2, 4, 8 times as much, good ones down to a third") {
+  turbomap::damping_control control;
+  control.lambda = 1;
+  for (const double expected : {2., 8., 64., 1024.}) {  // worse, no number, no decrease promised: all refused
+    CHECK_FALSE(control.accepts(1, expected > 64 ? std::numeric_limits<double>::quiet_NaN() : 2, 0.5));
+    CHECK(control.lambda == expected);
+  }
+  CHECK(control.accepts(2, 1, 1));  // as promised: 1 - (2 - 1)^3 = 0, no less than a third
+  CHECK(control.lambda == doctest::Approx(1024 / 3.).epsilon(1e-15));
+  CHECK(control.accepts(2, 1.25, 1.5));  // half of what was promised: 1, no more than two thirds
+  CHECK(control.lambda == doctest::Approx(2048 / 9.).epsilon(1e-15));
+  CHECK_FALSE(control.accepts(1, 2, 1));  // growth begins anew
+  CHECK(control.lambda == doctest::Approx(4096 / 9.).epsilon(1e-15));
+  control.refuse();
+  CHECK(control.lambda == doctest::Approx(16384 / 9.).epsilon(1e-15));
 }
 
 TEST_CASE_TEMPLATE("steps damped by the diagonal are the oracle's", Policy, TURBOMAP_TEST_POLICIES) {

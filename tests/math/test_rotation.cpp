@@ -43,6 +43,9 @@ TEST_CASE("exponential and logarithm are inverse, from no angle to half a turn")
       CHECK(q.tz == 3);
       const Eigen::Matrix3d J = to_eigen(turbomap::right_jacobian_inverse(to_vec(w)));
       CHECK((J * oracle_right_jacobian(w) - Eigen::Matrix3d::Identity()).norm() < 1e-12);
+      const turbomap::rotation_jacobian<double> both(to_vec(w));
+      CHECK((to_eigen(both.right) - oracle_right_jacobian(w)).norm() < 1e-12);
+      CHECK((to_eigen(both.exp) - oracle_exp(w)).norm() < 1e-14);
     }
 }
 
