@@ -30,6 +30,15 @@ TEST_CASE_TEMPLATE("loops, copies, uploads and scratch", Policy, TURBOMAP_TEST_P
   turbomap_test::check_packed_inputs(Policy{});
 }
 
+TEST_CASE("a context without a policy is sequential, on the host") {
+  turbomap::context ctx;
+  static_assert(std::is_same_v<decltype(ctx), turbomap::context<thrust::detail::seq_t>>);
+  static_assert(std::is_same_v<decltype(ctx)::memory_type, turbomap::host_memory>);
+  int next = 0;
+  turbomap::for_each_index(ctx.policy(), 5, [&next](int i) { next = i == next ? next + 1 : -9; });
+  CHECK(next == 5);
+}
+
 TEST_CASE("thrust::host and thrust::device are policies too") {
   turbomap::context host{thrust::host};
   turbomap::context device{thrust::device};

@@ -29,7 +29,7 @@ class array_bytes {
   ~array_bytes() { release(); }
 
   /// In place of what was there.
-  void allocate(std::size_t bytes) {
+  [[gnu::noinline]] void allocate(std::size_t bytes) {
     void* const grown = resource_->allocate(bytes, block_alignment);
     release();
     data_ = grown;
@@ -42,7 +42,7 @@ class array_bytes {
   std::size_t room_ = 0;  ///< bytes
 
  private:
-  void release() {
+  [[gnu::noinline]] void release() {
     if (data_ != nullptr) resource_->deallocate(data_, room_, block_alignment);
     data_ = nullptr;
   }

@@ -10,6 +10,8 @@
 #include <type_traits>
 #include <utility>
 
+#include <thrust/detail/seq.h>
+
 #include "array.hpp"
 #include "memory.hpp"
 #include "packed_inputs.hpp"
@@ -48,7 +50,7 @@ class scratch_blocks {
   }
 
  protected:
-  std::byte* take_bytes(std::size_t n) {
+  [[gnu::noinline]] std::byte* take_bytes(std::size_t n) {
     const std::size_t bytes = align_up(n);
     if (blocks_.empty() || used_ + bytes > blocks_.back().bytes) add_block(bytes);
     std::byte* const piece = blocks_.back().data + used_;
@@ -63,13 +65,13 @@ class scratch_blocks {
     std::size_t bytes;
   };
 
-  void add_block(std::size_t bytes) {
+  [[gnu::noinline]] void add_block(std::size_t bytes) {
     blocks_.reserve(blocks_.size() + 1);
     if (bytes < smallest_block) bytes = smallest_block;
     blocks_.push_back({static_cast<std::byte*>(resource_->allocate(bytes, block_alignment)), bytes});
     used_ = 0;
   }
-  void release() noexcept {
+  [[gnu::noinline]] void release() noexcept {
     for (const block& b : blocks_) resource_->deallocate(b.data, b.bytes, block_alignment);
     blocks_.clear();
     used_ = 0;
@@ -102,10 +104,11 @@ class scratch_arena : public scratch_blocks {
   }
 };
 
-/// An execution policy, its stream and reusable memory. `context ctx{thrust::host};`, `{thrust::omp::par}`,
+/// An execution policy, its stream and reusable memory. `context ctx;` (sequential on the host, without the headers of
+/// Thrust's other policies, which take longer to compile than a search), `context ctx{thrust::host};`, `{thrust::omp::par}`,
 /// `{thrust::device}`, `{thrust::cuda::par_nosync.on(stream)}`. Not shared between threads; any number may live side by
 /// side, also on one GPU. In the steady state no call allocates. Move-only.
-template <class Policy>
+template <class Policy = thrust::detail::seq_t>
 class context {
  public:
   using policy_type = Policy;

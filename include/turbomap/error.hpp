@@ -68,17 +68,17 @@ std::string printed(Integer value) {
 /// @}
 
 /// Throws std::invalid_argument "turbomap: ARGUMENT = VALUE: RULE".
-[[noreturn]] inline void reject_printed(const char* argument, const std::string& value, const char* rule) {
+[[noreturn, gnu::cold]] inline void reject_printed(const char* argument, const std::string& value, const char* rule) {
   std::string text = "turbomap: ";
   text.append(argument).append(" = ").append(value).append(": ").append(rule);
   throw std::invalid_argument(text);
 }
 template <class Value>
-[[noreturn]] void reject(const char* argument, const Value& value, const char* rule) {
+[[noreturn, gnu::cold]] void reject(const char* argument, const Value& value, const char* rule) {
   reject_printed(argument, printed(value), rule);
 }
 template <class Value>
-[[noreturn]] void reject(const std::string& argument, const Value& value, const char* rule) {
+[[noreturn, gnu::cold]] void reject(const std::string& argument, const Value& value, const char* rule) {
   reject(argument.c_str(), value, rule);
 }
 

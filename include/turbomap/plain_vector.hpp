@@ -23,33 +23,32 @@ class plain_bytes {
 
  protected:
   plain_bytes() = default;
-  plain_bytes(const plain_bytes& other) { append_bytes(other.begin_, other.bytes()); }
+  [[gnu::noinline]] plain_bytes(const plain_bytes& other) { append_bytes(other.begin_, other.bytes()); }
   plain_bytes(plain_bytes&& other) noexcept { exchange(other); }
-  plain_bytes& operator=(const plain_bytes& other) {
+  [[gnu::noinline]] plain_bytes& operator=(const plain_bytes& other) {
     if (this != &other) {
       end_ = begin_;
       append_bytes(other.begin_, other.bytes());
     }
     return *this;
   }
-  plain_bytes& operator=(plain_bytes&& other) noexcept {
+  [[gnu::noinline]] plain_bytes& operator=(plain_bytes&& other) noexcept {
     plain_bytes taken;
     taken.exchange(other);
     exchange(taken);
     return *this;
   }
-  ~plain_bytes() { ::operator delete(begin_); }
+  [[gnu::noinline]] ~plain_bytes() { ::operator delete(begin_); }
 
-  /// Bytes of `n` elements. Throws std::bad_alloc when that is no number.
-  static std::size_t bytes_of(std::size_t n, std::size_t element) {
-    if (n > static_cast<std::size_t>(-1) / 2 / element) throw std::bad_alloc();
-    return n * element;
-  }
   std::size_t bytes() const { return static_cast<std::size_t>(end_ - begin_); }
   std::size_t room() const { return static_cast<std::size_t>(room_ - begin_); }
 
-  /// Room for `n` bytes in all. Throws std::bad_alloc with nothing changed.
-  void reserve_bytes(std::size_t n) {
+  // What allocates or copies is a call: its body is compiled once, not into each of the hundreds of places that append.
+
+  /// Room for `n` elements in all. Throws std::bad_alloc, with nothing changed, also where the bytes of `n` are no number.
+  [[gnu::noinline]] void reserve_elements(std::size_t n, std::size_t element) {
+    if (n > static_cast<std::size_t>(-1) / 2 / element) throw std::bad_alloc();
+    n *= element;
     if (n <= room()) return;
     auto* const grown = static_cast<std::byte*>(::operator new(n));
     const std::size_t used = bytes();
@@ -62,16 +61,30 @@ class plain_bytes {
   /// `n` more bytes of unspecified value; the room at least doubles when it does not suffice.
   /// \returns the first of them
   std::byte* extend(std::size_t n) {
-    if (n > static_cast<std::size_t>(room_ - end_)) reserve_bytes(bytes() + (n > bytes() ? n : bytes()));
+    if (n > static_cast<std::size_t>(room_ - end_)) reserve_elements(bytes() + (n > bytes() ? n : bytes()), 1);
     std::byte* const first = end_;
     end_ += n;
     return first;
   }
+  /// `n` elements in all, new ones of unspecified value.
+  /// \returns the first new one, or the end
+  [[gnu::noinline]] std::byte* resize_elements(std::size_t n, std::size_t element) {
+    const std::size_t before = bytes();
+    if (n > static_cast<std::size_t>(-1) / 2 / element) throw std::bad_alloc();
+    if (n * element > before) return extend(n * element - before);
+    return end_ = begin_ + n * element;
+  }
   /// `source` is outside of this list.
-  void append_bytes(const void* source, std::size_t n) {
+  [[gnu::noinline]] void append_bytes(const void* source, std::size_t n) {
     if (n != 0) std::memcpy(extend(n), source, n);
   }
-  void exchange(plain_bytes& other) noexcept {
+  /// `source` may be in this list.
+  [[gnu::noinline, gnu::cold]] void append_any_bytes(const void* source, std::size_t n) {
+    plain_bytes copy;
+    copy.append_bytes(source, n);
+    append_bytes(copy.begin_, n);
+  }
+  [[gnu::noinline]] void exchange(plain_bytes& other) noexcept {
     swap_pointers(begin_, other.begin_);
     swap_pointers(end_, other.end_);
     swap_pointers(room_, other.room_);
@@ -123,34 +136,25 @@ class plain_vector : public plain_bytes {
   T& back() { return reinterpret_cast<T*>(end_)[-1]; }
   const T& back() const { return reinterpret_cast<const T*>(end_)[-1]; }
 
-  void reserve(std::size_t n) { reserve_bytes(bytes_of(n, sizeof(T))); }
+  void reserve(std::size_t n) { reserve_elements(n, sizeof(T)); }
   void push_back(const T& value) {
-    const T copy = value;  // may be an element
-    ::new (static_cast<void*>(extend(sizeof(T)))) T(copy);
+    if (static_cast<std::size_t>(room_ - end_) < sizeof(T)) return append_any_bytes(&value, sizeof(T));
+    ::new (static_cast<void*>(end_)) T(value);
+    end_ += sizeof(T);
   }
   void push_back() = delete;  // nvcc 13 misreads push_back({a, b}) where there is no other overload
   void pop_back() { end_ -= sizeof(T); }
   /// New elements are T().
-  void resize(std::size_t n) {
-    const std::size_t before = size();
-    if (n <= before) {
-      end_ = begin_ + n * sizeof(T);
-    } else {
-      T* const first = reinterpret_cast<T*>(extend(bytes_of(n - before, sizeof(T))));
-      for (std::size_t i = 0; i < n - before; ++i) ::new (static_cast<void*>(first + i)) T();
-    }
+  [[gnu::noinline]] void resize(std::size_t n) {
+    auto* t = reinterpret_cast<T*>(resize_elements(n, sizeof(T)));
+    for (T* const last = end(); t != last; ++t) ::new (static_cast<void*>(t)) T();
   }
-  void resize(std::size_t n, const T& value) {
-    const T copy = value;
-    const std::size_t before = size();
-    if (n <= before) {
-      end_ = begin_ + n * sizeof(T);
-    } else {
-      T* const first = reinterpret_cast<T*>(extend(bytes_of(n - before, sizeof(T))));
-      for (std::size_t i = 0; i < n - before; ++i) ::new (static_cast<void*>(first + i)) T(copy);
-    }
+  [[gnu::noinline]] void resize(std::size_t n, const T& value) {
+    const T copy = value;  // may be an element
+    auto* t = reinterpret_cast<T*>(resize_elements(n, sizeof(T)));
+    for (T* const last = end(); t != last; ++t) ::new (static_cast<void*>(t)) T(copy);
   }
-  void assign(std::size_t n, const T& value) {
+  [[gnu::noinline]] void assign(std::size_t n, const T& value) {
     const T copy = value;
     clear();
     resize(n, copy);

@@ -22,8 +22,8 @@ namespace turbomap {
 class bin_lister {
  public:
   /// \param begin  [bin + 1] into list
-  void operator()(const plain_vector<std::int32_t>& bin, int bins, plain_vector<std::int32_t>& begin,
-                  plain_vector<std::int32_t>& list) {
+  [[gnu::noinline]] void operator()(const plain_vector<std::int32_t>& bin, int bins, plain_vector<std::int32_t>& begin,
+                                    plain_vector<std::int32_t>& list) {
     begin.assign(at(bins) + 1, 0);
     for (const auto b : bin)
       if (b >= 0) ++begin[at(b) + 1];

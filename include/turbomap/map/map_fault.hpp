@@ -88,7 +88,7 @@ class fault_sink {
   explicit fault_sink(plain_vector<map_violation>& noted) : noted_(&noted) {}
 
   /// \throws inconsistent_map  unless there is a list; std::bad_alloc
-  void operator()(const map_violation& v) const {
+  [[gnu::cold]] void operator()(const map_violation& v) const {
     if (noted_ == nullptr) throw inconsistent_map(v);
     for (const map_violation& n : *noted_)
       if (n.fault == v.fault && n.keyframe == v.keyframe && n.point == v.point && n.keypoint == v.keypoint) return;

@@ -93,8 +93,9 @@ class neighbourhood {
   }
 
   template <class Accept>
-  void add_predecessors([[maybe_unused]] const Map& map, [[maybe_unused]] keyframe query, [[maybe_unused]] int wanted,
-                        [[maybe_unused]] Accept accept, [[maybe_unused]] list_of<keyframe>& list) {
+  [[gnu::noinline]] void add_predecessors([[maybe_unused]] const Map& map, [[maybe_unused]] keyframe query,
+                                          [[maybe_unused]] int wanted, [[maybe_unused]] Accept accept,
+                                          [[maybe_unused]] list_of<keyframe>& list) {
     if constexpr (detail::map_has_v<Map, detail::map_temporal_member>) {
       if (wanted <= 0) return;
       seen_.clear();

@@ -121,7 +121,7 @@ class chunk_allocator {
   }
 
   /// Returns empty chunks to the resource, all but the `keep` oldest of them.
-  void release_empty(std::size_t keep) noexcept {
+  [[gnu::noinline]] void release_empty(std::size_t keep) noexcept {
     for (std::size_t i = 0; empty_chunks_ > keep && i < chunks_.size();) {
       const std::size_t at = chunks_.size() - 1 - i;  // the youngest first
       detail::chunk* const c = chunks_[at];
@@ -177,7 +177,7 @@ class chunk_allocator {
     range.next = spares_;
     spares_ = &range;
   }
-  void give_up_ranges(detail::chunk& c) noexcept {
+  [[gnu::noinline]] void give_up_ranges(detail::chunk& c) noexcept {
     for (detail::chunk_range* range = c.first; range != nullptr;) {
       detail::chunk_range& gone = *range;
       range = range->next;
@@ -196,12 +196,12 @@ class chunk_allocator {
     return range;
   }
   /// Shortens a range that is not among the free ones; what is left over becomes a free range behind it.
-  void cut(detail::chunk_range& range, std::size_t bytes) noexcept {
+  [[gnu::noinline]] void cut(detail::chunk_range& range, std::size_t bytes) noexcept {
     put_in(add_range(*range.owner, &range, range.offset + bytes, range.bytes - bytes));
     range.bytes = bytes;
   }
   /// The free neighbour becomes a part of the range.
-  void absorb(detail::chunk_range& range, detail::chunk_range& neighbour) noexcept {
+  [[gnu::noinline]] void absorb(detail::chunk_range& range, detail::chunk_range& neighbour) noexcept {
     take_out(neighbour);
     if (neighbour.offset < range.offset) range.offset = neighbour.offset;
     range.bytes += neighbour.bytes;

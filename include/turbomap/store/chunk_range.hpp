@@ -45,20 +45,20 @@ class free_ranges {
     const std::size_t at = first_not_before(bytes, 0, 0);
     return at < sorted_.size() ? sorted_[at] : nullptr;
   }
-  void insert(chunk_range& r) noexcept {
+  [[gnu::noinline]] void insert(chunk_range& r) noexcept {
     const std::size_t at = first_not_before(r.bytes, r.owner->number, r.offset);
     sorted_.push_back(&r);
     for (std::size_t i = sorted_.size() - 1; i > at; --i) sorted_[i] = sorted_[i - 1];
     sorted_[at] = &r;
   }
-  void erase(const chunk_range& r) noexcept {
+  [[gnu::noinline]] void erase(const chunk_range& r) noexcept {
     std::size_t at = first_not_before(r.bytes, r.owner->number, r.offset);
     for (; at + 1 < sorted_.size(); ++at) sorted_[at] = sorted_[at + 1];
     sorted_.pop_back();
   }
 
  private:
-  std::size_t first_not_before(std::size_t bytes, std::size_t number, std::size_t offset) const {
+  [[gnu::noinline]] std::size_t first_not_before(std::size_t bytes, std::size_t number, std::size_t offset) const {
     std::size_t begin = 0, end = sorted_.size();
     while (begin < end) {
       const std::size_t middle = begin + (end - begin) / 2;

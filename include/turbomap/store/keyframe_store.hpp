@@ -201,10 +201,10 @@ class keyframe_store {
     return pinned_type(this, record, order);
   }
 
-  void release(record_type* record, work_order<Memory> order) noexcept {
+  [[gnu::noinline]] void release(record_type* record, work_order<Memory> order) noexcept {
     record->done.record(order);
     const std::lock_guard<std::mutex> lock(mutex_);
-    pins_.give_up(record, [this](std::uint32_t slot) { unpin(slot); });
+    pins_.give_up(record, unpinning{*this});
   }
 
   // What follows is called under the lock.
@@ -219,6 +219,11 @@ class keyframe_store {
     throw stale_handle(text);
   }
 
+  struct unpinning {
+    keyframe_store& store;
+    void operator()(std::uint32_t slot) const noexcept { store.unpin(slot); }
+  };
+
   /// Calls `attempt`; while that finds no room, waits for the oldest work that still holds keyframes, and tries again.
   template <class Attempt>
   void waiting_for_room(Attempt attempt) {
@@ -228,18 +233,16 @@ class keyframe_store {
       } catch (const out_of_memory&) {
         if (!pins_.any_given_up()) throw;
       }
-      pins_.finish_oldest([this](std::uint32_t slot) { unpin(slot); });
+      pins_.finish_oldest(unpinning{*this});
     }
   }
   /// Releases the pins whose work is done.
-  void poll() noexcept {
-    pins_.finish_passed([this](std::uint32_t slot) { unpin(slot); });
-  }
-  void unpin(std::uint32_t slot) noexcept {
+  [[gnu::noinline]] void poll() noexcept { pins_.finish_passed(unpinning{*this}); }
+  [[gnu::noinline]] void unpin(std::uint32_t slot) noexcept {
     blocks_.unpin(slot);
     if (!blocks_.pinned(slot) && !slots_.alive(slot)) reclaim(slot);
   }
-  void reclaim(std::uint32_t slot) noexcept {
+  [[gnu::noinline]] void reclaim(std::uint32_t slot) noexcept {
     blocks_.remove(slot);
     slots_.recycle(slot);
   }

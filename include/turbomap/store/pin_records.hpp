@@ -105,7 +105,7 @@ class pin_records {
 
  private:
   template <class Unpin>
-  void finish(record_type* record, Unpin& unpin) noexcept {
+  [[gnu::noinline]] void finish(record_type* record, const Unpin& unpin) noexcept {
     for (const std::uint32_t slot : record->slots) unpin(slot);
     idle_.append(pending_.take(*record));
     --count_;

@@ -51,7 +51,7 @@ class pinned_keyframes {
     return *this;
   }
   /// Releases behind the work of the context that pinned, if release_after() has not been called.
-  ~pinned_keyframes() { release(); }
+  [[gnu::noinline]] ~pinned_keyframes() { release(); }
 
   /// One view per handle, in the order of the handles; an array on the host of pointers into the memory of the store.
   /// Empty after the release.
