@@ -170,7 +170,7 @@ inline std::vector<double> oracle_adjust(oracle_problem& problem, int iterations
     problem.normal_equations(H, b);
     Eigen::VectorXd damping = Eigen::VectorXd::Ones(H.rows());
     if (scaled) damping = H.diagonal().cwiseMax(1e-6);
-    if (i == 0) lambda = 1e-5 * (scaled ? 1 : H.diagonal().maxCoeff());
+    if (i == 0) lambda = scaled ? 1e-4 : 1e-5 * H.diagonal().maxCoeff();
     double growth = 2;
     bool accepted = false;
     for (int step = 0; step < 11 && !accepted; ++step) {

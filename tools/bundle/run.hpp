@@ -20,7 +20,6 @@ namespace turbomap_bundle {
 /// Local windows are damped as SLAM systems do it, problems of other kinds as Ceres does it.
 inline arguments with_damping(arguments a, const std::string& format) {
   if (a.damping.empty()) a.damping = format == "lba" ? "identity" : "diagonal";
-  if (!(a.lambda_scale > 0)) a.lambda_scale = a.damping == "identity" ? 1e-5 : 1e-4;
   return a;
 }
 

@@ -109,7 +109,9 @@ class levenberg_marquardt {
   /// The damping that the options stand for where they give none.
   double first_lambda() {
     if (largest_ < 0) largest_ = equations_.largest_diagonal(ctx_);
-    return options_.initial_lambda_scale * (options_.damping == damping_rule::diagonal ? 1 : largest_);
+    const bool of_each = options_.damping == damping_rule::diagonal;
+    const double given = options_.initial_lambda_scale, scale = given > 0 ? given : of_each ? 1e-4 : 1e-5;
+    return of_each ? scale : scale * largest_;
   }
 
   /// What retry() returns where the adjustment goes on.

@@ -22,8 +22,8 @@ void require_options(const adjustment_options& o) {
   require(o.max_retries >= 0, "options.max_retries", o.max_retries, "must not be negative");
   require(o.initial_lambda >= 0 && is_finite(o.initial_lambda), "options.initial_lambda", o.initial_lambda,
           "must be finite and not negative");
-  require(o.initial_lambda_scale > 0 && is_finite(o.initial_lambda_scale), "options.initial_lambda_scale",
-          o.initial_lambda_scale, "must be finite and positive");
+  require(o.initial_lambda_scale >= 0 && is_finite(o.initial_lambda_scale), "options.initial_lambda_scale",
+          o.initial_lambda_scale, "must be finite and not negative");
   require(o.min_relative_decrease >= 0, "options.min_relative_decrease", o.min_relative_decrease,
           "must not be negative");
   require(o.slow_iterations > 0, "options.slow_iterations", o.slow_iterations, "must be positive");
