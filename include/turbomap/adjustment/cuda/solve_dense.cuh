@@ -65,8 +65,9 @@ __device__ inline bool factorise_square(const dense_equations& s, const dense_bl
 }
 
 /// The rows below the square: x L^T = what they hold. The row after the last is the right hand side.
+/// \param square  volatile, or the compiler takes all of it out of the loop, into registers that there are not
 __device__ inline void solve_rows(const dense_equations& s, const dense_block& m, int begin, int size,
-                                  const double (*square)[dense_block::width + 1]) {
+                                  const volatile double (*square)[dense_block::width + 1]) {
   constexpr int width = dense_block::width;
   const int first = begin + size, rows = m.n - first, padded = (rows + 3) / 4 * 4;
   for (int t = static_cast<int>(threadIdx.x); t <= padded; t += static_cast<int>(blockDim.x)) {
