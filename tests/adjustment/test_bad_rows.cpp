@@ -7,6 +7,7 @@
 
 #include <thrust/execution_policy.h>
 
+#include <cmath>
 #include <limits>
 #include <stdexcept>
 #include <vector>
@@ -42,6 +43,20 @@ TEST_CASE_TEMPLATE("too much damping is no convergence", Policy, TURBOMAP_TEST_P
     CHECK(a.summary.cost_final == doctest::Approx(optimum).epsilon(1e-9));
     CHECK(a.summary.accepted > 0);
   }
+}
+
+TEST_CASE("thresholds that are not numbers are refused by name") {
+  const auto s = make_adjustment_scene(scene_kind::stereo, 3, 1, 10, 3);
+  for (const double bad : {-1.0, std::nan(""), HUGE_VAL}) {
+    adjustment_options options = in_float64();
+    options.min_predicted_decrease = bad;
+    CHECK_THROWS_WITH_AS(adjust_scene(sequential{}, s, options), doctest::Contains("options.min_predicted_decrease"),
+                         std::invalid_argument);
+  }
+  adjustment_options options = in_float64();
+  options.time_budget_ms = std::nan("");
+  CHECK_THROWS_WITH_AS(adjust_scene(sequential{}, s, options), doctest::Contains("options.time_budget_ms"),
+                       std::invalid_argument);
 }
 
 TEST_CASE("at the optimum an adjustment has converged, whatever the damping") {
@@ -202,18 +217,18 @@ TEST_CASE_TEMPLATE("a derivative that is not a number is left out", Policy, TURB
 TEST_CASE("a stereo row in the plane z = 0 of a fisheye is not defined, and the others are") {
   auto s = make_adjustment_scene(scene_kind::fisheye_rig, 5, 2, 40, 3);
   s.rig[0].bf = 40;
-  const auto without = adjust_scene(sequential{}, s, long_run(damping_rule::diagonal));
-  using turbomap::operator*;
-  s.points.push_back(turbomap::inverse(turbomap::to_isometry<double>(s.poses[4])) * vec3<double>{2, 0.5, 0});
-  s.poses[4] = {}, s.points.back() = {2, 0.5, 0};  // exactly in the plane of a fixed frame at the origin
+  s.poses[4] = {};
   for (std::size_t i = 0; i < s.frame.size(); ++i)
     if (s.frame[i] == 4) s.information[i] = 0;
+  const auto without = adjust_scene(sequential{}, s, long_run(damping_rule::diagonal));
+  s.points.push_back({2, 0.5, 0});  // exactly in the plane of a fixed frame at the origin
   s.frame.push_back(4), s.landmark.push_back(40), s.pixel.push_back({600, 300, 400}), s.information.push_back(1);
   s.camera.push_back(0);
   const auto a = adjust_scene(sequential{}, s, long_run(damping_rule::diagonal));
   CHECK(a.summary.end != adjustment_end::not_finite);
   CHECK(a.summary.accepted > 0);
   CHECK(a.summary.undefined == 1);
+  CHECK(distance(adjusted{{}, a.poses, {}}, adjusted{{}, without.poses, {}}) < 1e-6);
 }
 
 TEST_CASE("quaternions that are not of unit length are refused by name") {

@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// Solves the reduced system of the frames directly: the policy forms the matrix, the host factorises it, in full (local
-/// windows) or block by block (long trajectories).
+/// Solves the reduced system of the frames directly: the policy forms the matrix. In full (local windows) the policy also
+/// factorises it where it can (solve_dense.hpp), else the host; block by block (long trajectories) the host does.
 
 #include <cstddef>
 
@@ -107,34 +107,21 @@ class cholesky_solver {
         return {true, 0, x_, x};
       }
     }
-    if (!factorise_on_host(ctx, default_pivot_tolerance)) return {};
+    if (!system_.factorise(on_host(ctx, matrix_, system_.size(), workspace_.matrix), default_pivot_tolerance))
+      return {};
     double* x = on_host(ctx, x_, unknowns(), workspace_.x);
-    substitute(x);
+    system_.substitute(x);
     copy_in(ctx.policy(), x_, x, unknowns() * sizeof(double));
     return {true, 0, x_, x};
   }
 
-  /// \param tolerance  see dense_cholesky::factorise
-  /// \return false: singular
-  template <class Policy>
-  bool factorise(context<Policy>& ctx, const damping& damping, double tolerance = default_pivot_tolerance) {
-    form(ctx, damping);
-    return factorise_on_host(ctx, tolerance);
-  }
-
-  /// Solves for x in place, on the host; room for unknowns() numbers. After factorise().
-  void substitute(double* x) const { system_.substitute(x); }
+ private:
   std::size_t unknowns() const { return system_.unknowns(); }
 
- private:
   template <class Policy>
   void form(context<Policy>& ctx, const damping& damping) {
     if (System::fills_gaps) fill_bytes(ctx.policy(), matrix_, 0, system_.size() * sizeof(double));
     launch_reduce_blocks<V, D>(ctx.policy(), s_, system_.layout(matrix_, x_), damping);
-  }
-  template <class Policy>
-  bool factorise_on_host(context<Policy>& ctx, double tolerance) {
-    return system_.factorise(on_host(ctx, matrix_, system_.size(), workspace_.matrix), tolerance);
   }
 
   schur_view<A> s_;

@@ -30,7 +30,7 @@ TURBOMAP_BEGIN_NAMESPACE
 ///                   rows are 0
 /// \param result     row-major, square, Frame::dof rows for each of `frames`, symmetric up to rounding
 /// \param tolerance  what a motion of the frames that nothing holds may cost by rounding, relative to what the residuals
-///                   sum up on the way: above 2^-64, the rounding of the sums
+///                   sum up on the way: no less than the rounding of `long double` (on x86 1e-19) is taken
 /// \return whether all of `frames` are determined
 /// \throws std::invalid_argument  a frame that is not there, or a tolerance that is not in [0, 1)
 /// On the host, whatever the policy: O(observations (dof views)^2 + unknowns band^2), where band is how many unknowns lie

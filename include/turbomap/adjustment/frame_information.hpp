@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <utility>
 
 #include "../config.hpp"
@@ -75,9 +76,10 @@ class frame_information {
 
   /// Factorises. An unknown of which the others leave no more than rounding is taken out; all that moves with it is
   /// undetermined then.
-  /// \param tolerance  rounding, relative to what is summed: above 2^-64, that of extended numbers
+  /// \param tolerance  rounding, relative to what is summed: no less than that of `long double` is taken
   /// \param undetermined  [unknown] 1: the observations do not tell it
   TURBOMAP_ONE_BODY void factorise(double tolerance, plain_vector<std::uint8_t>& undetermined) {
+    tolerance = tolerance > rounding ? tolerance : rounding;
     undetermined.assign(at(n_), 0), out_.assign(at(n_), 0);
     scale_.resize(at(n_));
     for (int i = 0; i < n_; ++i) scale_[at(i)] = std::sqrt(static_cast<double>(row(i)[i]));
@@ -116,6 +118,7 @@ class frame_information {
 
  private:
   using wide = long double;
+  static constexpr double rounding = std::numeric_limits<wide>::epsilon();
   static std::size_t at(int i) { return static_cast<std::size_t>(i); }
   static int larger_of(int a, int b) { return a > b ? a : b; }
 

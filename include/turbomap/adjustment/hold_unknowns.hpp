@@ -23,7 +23,7 @@ struct hold_couplings {
 
   TURBOMAP_HD void operator()(int slot) const {
     const std::uint32_t mask = held[s.slot_frame[slot]];
-    if ((mask & ((1U << V) - 1)) == 0) return;
+    if ((mask & (~0U >> (32 - V))) == 0) return;
     for (int k = s.slot_coupling[slot]; k < s.slot_coupling[slot + 1]; ++k) {
       A* coupling = s.sums.coupling + static_cast<std::ptrdiff_t>(k) * 3 * V;
       for (int v = 0; v < V; ++v)

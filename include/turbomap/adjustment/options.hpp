@@ -42,12 +42,12 @@ struct adjustment_options {
   int max_iterations = 10;  ///< linearisations
   int max_retries = 10;     ///< larger dampings tried on one linearisation (g2o)
   damping_rule damping = damping_rule::diagonal;
-  double initial_lambda = 0;           ///< damping at the start; 0: by initial_lambda_scale
+  double initial_lambda = 0;  ///< damping at the start; 0: by initial_lambda_scale
   /// tau: of the largest diagonal element under `identity`, of each under `diagonal`. 0: 1e-5 [Nielsen 1999; g2o], 1e-4
   /// [Ceres]. Of each element 1e-5 is too little: first steps move weak points too far, and most are refused.
   double initial_lambda_scale = 0;
-  double min_relative_decrease = 0;    ///< an iteration that gains less (relative to the cost) is a slow one; 0: never
-  int slow_iterations = 3;             ///< as many slow ones in a row end the adjustment [ORB-SLAM3: 1e-3, 3]
+  double min_relative_decrease = 0;  ///< an iteration that gains less (relative to the cost) is a slow one; 0: never
+  int slow_iterations = 3;           ///< as many slow ones in a row end the adjustment [ORB-SLAM3: 1e-3, 3]
   double min_predicted_decrease = 1e-14;    ///< ends where a step promises less than this times the cost
   double time_budget_ms = 0;                ///< ends after the iteration that exceeds it; 0: no limit
   const std::atomic<bool>* stop = nullptr;  ///< looked at between steps; honoured within one iteration

@@ -26,6 +26,9 @@ void require_options(const adjustment_options& o) {
           o.initial_lambda_scale, "must be finite and not negative");
   require(o.min_relative_decrease >= 0, "options.min_relative_decrease", o.min_relative_decrease,
           "must not be negative");
+  require(o.min_predicted_decrease >= 0 && is_finite(o.min_predicted_decrease), "options.min_predicted_decrease",
+          o.min_predicted_decrease, "must be finite and not negative");
+  require(o.time_budget_ms >= 0, "options.time_budget_ms", o.time_budget_ms, "must not be negative");
   require(o.slow_iterations > 0, "options.slow_iterations", o.slow_iterations, "must be positive");
   require(o.pcg_tolerance > 0, "options.pcg_tolerance", o.pcg_tolerance, "must be positive");
   require(o.pair_limit >= 0, "options.pair_limit", o.pair_limit, "must not be negative");

@@ -45,8 +45,9 @@ class basic_bundle_problem {
 
   /// Takes a problem, in place of the one before. Indices of frames and landmarks are places in the two inputs; nothing of
   /// the inputs is kept. O(observations), and in adjust() once O(pairs of frames that see one landmark).
-  /// \throws std::invalid_argument  an index, a size or a kernel is wrong, or a quaternion not of unit length; the problem is as it was. (std::bad_alloc: it is empty.)
   /// Numbers that are not finite are not refused here: adjust() then ends with adjustment_end::not_finite.
+  /// \throws std::invalid_argument  an index, a size or a kernel is wrong, or a quaternion not of unit length; the problem
+  ///         is as it was. (std::bad_alloc: it is empty.)
   template <class Policy>
   void assign(context<Policy>& ctx, const frame_input<Frame>& frames, const landmark_input& landmarks,
               const Groups&... groups) {
@@ -140,6 +141,8 @@ class basic_bundle_problem {
             landmarks.fixed.size(), "must be that of positions, or 0");
     require(frames.held.empty() || frames.held.size() == frames.states.size(), "frames.held.size()", frames.held.size(),
             "must be that of states, or 0");
+    require(Frame::dof <= 32 || frames.held.empty(), "frames.held.size()", frames.held.size(),
+            "must be 0: masks are for frames of up to 32 unknowns");
     const int frame_count = static_cast<int>(frames.states.size());
     const int landmark_count = static_cast<int>(landmarks.positions.size());
     bool finite = true;

@@ -9,6 +9,9 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// Shared memory that a block may declare, on every device; more must be asked for at the launch.
+inline constexpr int shared_memory_bytes = 48 * 1024;
+
 /// for_each_index: one thread per index. 128 threads leave registers enough for the geometry of a pair (up to 512 each).
 struct for_each_tuning {
   static constexpr int block_size = 128;

@@ -134,8 +134,11 @@ __global__ void __launch_bounds__(warp_size* reduce_blocks_tuning::warps)
 template <int V, int D, class Derived, class A>
 void launch_reduce_blocks(const thrust::cuda_cub::execution_policy<Derived>& policy, const schur_view<A>& s,
                           const reduced_layout& out, const damping& damping) {
-  launch_kernel(policy, "launch of reduce_blocks", reduce_blocks_kernel<A, V, D>, s.free_frames + s.blocks,
-                warp_size * reduce_blocks_tuning::warps, s, out, damping);
+  if constexpr (V > reduce_blocks_tuning::most_unknowns)
+    launch_reduce_blocks<V, D>(static_cast<const thrust::execution_policy<Derived>&>(policy), s, out, damping);
+  else
+    launch_kernel(policy, "launch of reduce_blocks", reduce_blocks_kernel<A, V, D>, s.free_frames + s.blocks,
+                  warp_size * reduce_blocks_tuning::warps, s, out, damping);
 }
 
 TURBOMAP_END_NAMESPACE

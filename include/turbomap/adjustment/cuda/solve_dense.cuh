@@ -203,7 +203,9 @@ bool launch_solve_dense(const thrust::cuda_cub::execution_policy<Derived>& polic
   if (s.n <= 0 || s.n > solve_dense_tuning::unknowns) return false;
   const std::size_t bytes = detail::dense_block::bytes(s.n);
   const auto kernel = solve_dense_kernel<solve_dense_tuning>;
-  check_cuda(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, static_cast<int>(bytes)),
+  // The attribute belongs to the kernel, which all contexts share: always the same value.
+  const int most = static_cast<int>(detail::dense_block::bytes(solve_dense_tuning::unknowns));
+  check_cuda(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, most),
              "shared memory of solve_dense");
   launch_kernel_with(policy, "launch of solve_dense", bytes, kernel, 1, solve_dense_tuning::threads, s);
   return true;

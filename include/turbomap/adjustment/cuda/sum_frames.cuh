@@ -10,6 +10,7 @@
 #include <cstddef>
 
 #include "../../config.hpp"
+#include "../../cuda/tuning.hpp"
 #include "../../cuda/warp.cuh"
 #include "../../parallel.hpp"
 #include "../schur_view.hpp"
@@ -59,8 +60,11 @@ __global__ void __launch_bounds__(warp_size* sum_frames_tuning::warps) sum_frame
 
 template <int V, int D, class Derived, class A>
 void launch_sum_frames(const thrust::cuda_cub::execution_policy<Derived>& policy, const schur_view<A>& s) {
-  launch_kernel(policy, "launch of sum_frames", sum_frames_kernel<A, V, D>, s.free_frames,
-                warp_size * sum_frames_tuning::warps, s);
+  if constexpr (sizeof(double) * sum_frames_tuning::warps * frame_block<D>::partial > shared_memory_bytes)
+    launch_sum_frames<V, D>(static_cast<const thrust::execution_policy<Derived>&>(policy), s);
+  else
+    launch_kernel(policy, "launch of sum_frames", sum_frames_kernel<A, V, D>, s.free_frames,
+                  warp_size * sum_frames_tuning::warps, s);
 }
 
 TURBOMAP_END_NAMESPACE

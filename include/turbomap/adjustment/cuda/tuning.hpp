@@ -12,7 +12,8 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// A thread computes a chunk, one observation at a time.
+/// One partial sum per chunk. Reprojections have a lane per observation of it (linearise_tuning), other factors and chi2 a
+/// thread per chunk.
 template <>
 struct observation_shape<device_memory> {
   static constexpr int lanes = 1;
@@ -42,6 +43,7 @@ struct landmark_tuning {
 /// one warp per scheduler of a large device if each had one.
 struct reduce_blocks_tuning {
   static constexpr int warps = 4;
+  static constexpr int most_unknowns = 12;  ///< of a frame: a thread keeps their square; for more the generic body
 };
 
 /// launch_adjust_poses: a block per frame, which has a few hundred to a thousand observations. The same for one frame and for
