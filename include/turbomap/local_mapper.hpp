@@ -74,7 +74,7 @@ class local_mapper {
   using camera = typename traits::camera;
   using store_type = store_of<Map, Policy>;
   using hooks_type = local_mapper_hooks<Map>;
-  /// What stages read and commits change: the map if it is flat, else a map_mirror, whose commits write to the map.
+  /// What stages read and commits change: the map, or, if it is mirrored, a map_mirror, whose commits write to the map.
   using stage_map = typename working_map<Map>::type;
   using scope = mapping_scope<stage_map, Policy>;
 
@@ -123,13 +123,13 @@ class local_mapper {
   }
   /// Puts points that tracking made on probation.
   void watch(span<const point> points) {
-    if constexpr (is_flat_v<Map>)
-      probation_.watch(points, iteration_);
-    else
+    if constexpr (is_mirrored_v<Map>)
       append(points, watched_);
+    else
+      probation_.watch(points, iteration_);
   }
 
-  /// For maps that are not flat, which the mapper keeps a mirror of: other parts of the system say what they changed. Tracking
+  /// For maps that are mirrored (`mirrored` in map_traits): other parts of the system say what they changed. Tracking
   /// need not report the keyframe that is about to be processed. What is not reported is found by a sample check in time, and
   /// costs quality until then, never soundness. From any thread, with or without the guard. See docs/local_mapping.md.
   void changed(const point& p) { working_.changed(p); }
@@ -173,18 +173,18 @@ class local_mapper {
   /// Normals and distance ranges of points whose position was changed, e.g. in the adjust hook: during process() they are
   /// computed at its end, with all that is due by then, otherwise at once.
   void update_geometry(span<const point> points) {
-    if constexpr (is_flat_v<Map>)
-      due_.moved(points);
-    else
+    if constexpr (is_mirrored_v<Map>)
       append(points, moved_);
+    else
+      due_.moved(points);
     if (!processing_) update_due(mapping_stage::adjustment);
   }
   /// Descriptors, normals and distance ranges of points whose observations were changed: likewise.
   void update_appearance(span<const point> points) {
-    if constexpr (is_flat_v<Map>)
-      due_.changed(points);
-    else
+    if constexpr (is_mirrored_v<Map>)
       append(points, changed_);
+    else
+      due_.changed(points);
     if (!processing_) update_due(mapping_stage::adjustment);
   }
 
@@ -249,7 +249,7 @@ class local_mapper {
   }
   /// What stages call the keyframe. A mirror hears what was reported, and reads the keyframe anew when a stage asks for it.
   stage_keyframe read_mirror(const keyframe& current) {
-    if constexpr (is_flat_v<Map>) {
+    if constexpr (!is_mirrored_v<Map>) {
       return current;
     } else {
       const auto guard = scope_of(mapping_stage::process).guard();
@@ -474,7 +474,7 @@ class local_mapper {
   bool has_pose_ = false;  ///< the keyframe that is processed
   list_of<stage_keyframe> keyframes_;
   list_of<stage_point> points_, numbers_;
-  list_of<point> watched_, moved_, changed_;  ///< by the user, not numbered yet: of a map that is not flat
+  list_of<point> watched_, moved_, changed_;  ///< by the user, not numbered yet: of a map that is mirrored
   bool processing_ = false;
 };
 

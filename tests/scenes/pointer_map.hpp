@@ -67,6 +67,7 @@ struct turbomap::map_traits<turbomap_test::pointer_map> {
   using point = turbomap_test::pointer_point*;
   using descriptor = turbomap_test::map_descriptor;
   using camera = turbomap_test::map_camera;
+  static constexpr bool mirrored = true;
   using lock = std::lock_guard<std::mutex>;
 
   static std::uint64_t id(const map&, keyframe k) { return k->id; }

@@ -145,6 +145,7 @@ struct turbomap::map_traits<turbomap_program::objects_map<Camera>> {
   using point = turbomap_program::point_ptr;
   using descriptor = turbomap::binary_descriptor<256>;
   using camera = Camera;
+  static constexpr bool mirrored = true;  // names are shared_ptr; all edits outside the mapper are made by tracking
   using kf = const keyframe&;
   using pt = const point&;
 

@@ -53,7 +53,7 @@
 ///       static void set_pose(my::Map&, keyframe, const turbomap::rigid_transform<double>& T_cw);
 ///
 ///       // Optional
-///       static constexpr bool flat = true;  // reads cost no more than those of an array: no mirror of the map is kept
+///       static constexpr bool mirrored = true;  // reads are expensive: stages read a copy. Has conditions: local_mapping.md
 ///       static turbomap::span<const std::uint32_t> octave_counts(const my::Map&, point);  // see observation_counts.hpp
 ///       static void change_octave_count(my::Map&, point, int octave, int change);         // both or neither
 ///       static void reserve_observations(my::Map&, point, std::size_t more);  // may throw: add_observation then does not

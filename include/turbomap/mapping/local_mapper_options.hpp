@@ -20,7 +20,7 @@ namespace turbomap {
 /// Options of local_mapper. Defaults: stereo without an inertial unit, the values of [ORB-SLAM3].
 struct local_mapper_options {
   per_stage<bool> enabled{{true, true, true, true, true, true, true}};  ///< for ablation
-  /// Of all points that are mirrored (maps that are not flat): how many are compared with the map on each keyframe, so that what
+  /// Of all points that are mirrored (working_map.hpp): how many are compared with the map on each keyframe, so that what
   /// nobody reported is found within 1 / checked_share keyframes, or as many as there are keyframes in the map. 0: none. Ours.
   double checked_share = 0.01;
   double deadline_ms = 0;  ///< per keyframe; work that is expected to overrun is cut at a safe point. 0: none

@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// What the stages of a local_mapper work on: the user's map itself where it is flat, else a mirror of it. Either is used in the
-/// same way.
+/// What the stages of a local_mapper work on: the user's map itself, or a mirror of it where its traits ask for one. Either is
+/// used in the same way.
 
 #include <cstddef>
 #include <cstdint>
@@ -18,18 +18,19 @@ TURBOMAP_BEGIN_NAMESPACE
 namespace detail {
 
 template <class T, class = void>
-struct is_flat : std::false_type {};
+struct is_mirrored : std::false_type {};
 template <class T>
-struct is_flat<T, std::enable_if_t<T::flat>> : std::true_type {};
+struct is_mirrored<T, std::enable_if_t<T::mirrored>> : std::true_type {};
 
 }  // namespace detail
 
-/// Whether a map is flat itself (`static constexpr bool flat = true` in its traits): stages read it, and need no mirror.
+/// Whether a map is mirrored (`static constexpr bool mirrored = true` in its traits), which promises that names stay valid for as
+/// long as the mapper lives, and that others report what they change: docs/local_mapping.md.
 template <class Map>
-inline constexpr bool is_flat_v = detail::is_flat<map_traits<Map>>::value;
+inline constexpr bool is_mirrored_v = detail::is_mirrored<map_traits<Map>>::value;
 
 /// A mirror: see map_mirror for the members.
-template <class Map, bool Flat = is_flat_v<Map>>
+template <class Map, bool Mirrored = is_mirrored_v<Map>>
 class working_map : public map_mirror<Map> {
  public:
   using type = map_mirror<Map>;
@@ -39,7 +40,7 @@ class working_map : public map_mirror<Map> {
 
 /// The map itself: there is nothing to number, to report or to check.
 template <class Map>
-class working_map<Map, true> {
+class working_map<Map, false> {
  public:
   using type = Map;
   using keyframe = typename map_traits<Map>::keyframe;

@@ -25,7 +25,6 @@ struct map_traits<simple_map<Descriptor, Camera>> {
   using descriptor = Descriptor;
   using camera = Camera;
   using element = typename Descriptor::element;
-  static constexpr bool flat = true;
 
   static std::uint64_t id(const map& m, keyframe k) { return of(m, k).id; }
   static bool alive(const map& m, keyframe k) { return m.alive(k); }
