@@ -7,6 +7,7 @@
 
 #include <thrust/system/cuda/execution_policy.h>
 
+#include <atomic>
 #include <memory>
 
 #include "matching_cases.hpp"
@@ -62,6 +63,24 @@ TEST_CASE("groups of one keypoint, and of all of them") {
     scene_recipe recipe;
     recipe.groups = groups, recipe.query_keypoints = 300, recipe.neighbour_keypoints = 280;
     check_motions(pinhole_rig(50), 350, 1000, {}, recipe);
+  }
+}
+
+TEST_CASE("a flag that is set before keeps all but grouped searches from beginning") {
+  const stream on;
+  const scene<orb, pinhole_camera> s(pinhole_rig(), {});
+  const std::atomic<bool> stop{true};
+  for (const auto set : every_candidate_set) {
+    search_options options;
+    options.candidate_set = set;
+    const auto expected = search_under(on.policy(), s, options);
+    REQUIRE(!expected.empty());
+    options.stop = &stop;
+    const auto found = search_under(on.policy(), s, options);
+    if (set == turbomap::candidates::grouped)
+      CHECK(same(found, expected));
+    else
+      CHECK(found.empty());
   }
 }
 

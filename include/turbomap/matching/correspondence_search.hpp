@@ -45,7 +45,9 @@ void search_correspondences(context<Policy>& ctx, const posed_keyframe<Descripto
   set_up_search(ctx, query, neighbours, options, result.buffers());
   const auto& search = result.view();
   if (search.neighbour_count * search.slot_count == 0) return;
+  if (options.candidate_set != candidates::grouped && options.stopped()) return result.clear();
   try {
+    bool finished = true;
     launch_prepare_pairs(ctx.policy(), search);
     switch (options.candidate_set) {
       case candidates::grouped: {
@@ -57,13 +59,14 @@ void search_correspondences(context<Policy>& ctx, const posed_keyframe<Descripto
         break;
       }
       case candidates::epipolar_ordered:
-        launch_search_ordered(ctx.policy(), search, ctx.scratch());
+        finished = launch_search_ordered(ctx.policy(), search, ctx.scratch());
         break;
       case candidates::exhaustive:
-        launch_search_exhaustive(ctx.policy(), search);
+        finished = launch_search_exhaustive(ctx.policy(), search);
         break;
     }
-    if (options.stopped()) result.clear();  // what was not reached has no meaning
+    // What was not reached has no meaning.
+    if (!finished) result.clear();
   } catch (...) {  // out of memory
     result.clear();
     throw;

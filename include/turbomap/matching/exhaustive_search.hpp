@@ -39,16 +39,21 @@ struct exhaustive_search {
   }
 };
 
+/// \return false: stopped before the end; what was not reached has no meaning
 template <class Derived, class Descriptor, class Camera>
-void launch_search_exhaustive(const thrust::execution_policy<Derived>& policy,
+bool launch_search_exhaustive(const thrust::execution_policy<Derived>& policy,
                               const search_view<Descriptor, Camera>& search) {
   using body = exhaustive_search<Descriptor, Camera>;
   const int count = search.neighbour_count * search.slot_count;
   // What may be stopped is launched in parts. Not on a device, which is done before anybody could want to stop it.
   constexpr bool on_host = std::is_same_v<memory_of_t<Derived>, host_memory>;
-  const int part = on_host && search.options.stop != nullptr ? body::part_size : count;
-  for (int first = 0; first < count && !search.options.stopped(); first += part)
+  const bool watched = on_host && search.options.stop != nullptr;
+  const int part = watched ? body::part_size : count;
+  for (int first = 0; first < count; first += part) {
+    if (watched && search.options.stopped()) return false;
     for_each_index(derived(policy), count - first < part ? count - first : part, body{search, first});
+  }
+  return true;
 }
 
 TURBOMAP_END_NAMESPACE

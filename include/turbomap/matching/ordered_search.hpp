@@ -6,6 +6,7 @@
 /// The search along epipolar curves: every query keypoint is compared with the candidates in its window of the sorted tables
 /// only, a few percent of all. The answer is that of the exhaustive search, bit for bit.
 
+#include <atomic>
 #include <cstdint>
 
 #include "../config.hpp"
@@ -23,6 +24,7 @@ struct ordered_search {
 
   ordered_tables<Descriptor, Camera> tables;
   int chunks;
+  std::atomic<bool>* stopped;  ///< set once the user's flag was seen, which may be cleared again
 
   void operator()(int i) const {
     const auto& search = tables.search;
@@ -32,7 +34,8 @@ struct ordered_search {
       search.match[n * search.slot_count + slot] = no_match;
       search.distance[n * search.slot_count + slot] = search.max_distance;
     }
-    if (search.options.stopped()) return;
+    if (search.options.stopped()) stopped->store(true, std::memory_order_relaxed);
+    if (stopped->load(std::memory_order_relaxed)) return;
     // One table at a time, so that it stays in the nearest cache.
     for (int a = 0; a < search.query_cameras; ++a) {
       chunk_rays chunk;
@@ -102,14 +105,17 @@ struct ordered_search {
 };
 
 /// Makes the tables in scratch memory, then searches them. A device does without: cuda/search_ordered.cuh.
+/// \return false: stopped before the end; what was not reached has no matches
 template <class Derived, class Descriptor, class Camera, class Memory>
-void launch_search_ordered(const thrust::execution_policy<Derived>& policy,
+bool launch_search_ordered(const thrust::execution_policy<Derived>& policy,
                            const search_view<Descriptor, Camera>& search, scratch_arena<Memory>& scratch) {
   using body = ordered_search<Descriptor, Camera>;
   const auto tables = take_tables<sorted_side::candidates>(scratch, search, true);
   launch_build_tables(derived(policy), tables);
+  std::atomic<bool> stopped{false};
   const int chunks = (search.slot_count + body::chunk_size - 1) / body::chunk_size;
-  for_each_index(derived(policy), search.neighbour_count * chunks, body{tables, chunks});
+  for_each_index(derived(policy), search.neighbour_count * chunks, body{tables, chunks, &stopped});
+  return !stopped.load(std::memory_order_relaxed);
 }
 
 TURBOMAP_END_NAMESPACE

@@ -43,9 +43,9 @@ struct search_options {
   /// The cameras of the query's rig are matched with each other too: the query is one more neighbour, the last. For
   /// join_tracks(), which then has one track of what two cameras of the rig see.
   bool across_rig = false;
-  /// Once true, the search ends and has no matches. Looked at on the host, before every 64 query keypoints (ordered) or 256
-  /// (exhaustive), once before the search on a device; not in a grouped search, which is short. Must outlive the search. Null:
-  /// nobody stops it.
+  /// Once seen true, the search ends and has no matches, whatever the flag becomes then. Looked at once before the search;
+  /// after that on the host only, before every 64 query keypoints (ordered) or 256 (exhaustive). Never in a grouped search,
+  /// which is short. Must outlive the search. Null: nobody stops it.
   const std::atomic<bool>* stop = nullptr;
 
   bool stopped() const { return stop != nullptr && stop->load(std::memory_order_relaxed); }

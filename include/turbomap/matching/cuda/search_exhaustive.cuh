@@ -113,12 +113,13 @@ __global__ void __launch_bounds__(warp_size* search_exhaustive_tuning::warps, se
 }
 
 template <class Derived, class Descriptor, class Camera>
-void launch_search_exhaustive(const thrust::cuda_cub::execution_policy<Derived>& policy,
+bool launch_search_exhaustive(const thrust::cuda_cub::execution_policy<Derived>& policy,
                               const search_view<Descriptor, Camera>& search) {
   constexpr int warps = search_exhaustive_tuning::warps, queries = search_exhaustive_tuning::queries;
   const int tasks = search.neighbour_count * ((search.slot_count + queries - 1) / queries);
   launch_kernel(policy, "launch of search_exhaustive", search_exhaustive_kernel<Descriptor, Camera>,
                 (tasks + warps - 1) / warps, warp_size * warps, search, tasks);
+  return true;
 }
 
 TURBOMAP_END_NAMESPACE

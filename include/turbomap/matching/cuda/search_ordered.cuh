@@ -13,9 +13,9 @@
 TURBOMAP_BEGIN_NAMESPACE
 
 template <class Derived, class Descriptor, class Camera, class Memory>
-void launch_search_ordered(const thrust::cuda_cub::execution_policy<Derived>& policy,
+bool launch_search_ordered(const thrust::cuda_cub::execution_policy<Derived>& policy,
                            const search_view<Descriptor, Camera>& search, scratch_arena<Memory>&) {
-  launch_search_exhaustive(policy, search);
+  return launch_search_exhaustive(policy, search);
 }
 
 TURBOMAP_END_NAMESPACE
