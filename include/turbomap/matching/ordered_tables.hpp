@@ -36,8 +36,8 @@ struct ordered_tables {
   std::int32_t* keypoints;  ///< those of the camera, before sorting
   plane_interval* intervals;
   std::int32_t* keys;
-  typename Descriptor::element*
-      descriptors;  ///< of `sorted`, in its order: windows are read as a stream. Null: not copied
+  /// Of `sorted`, in its order: windows are read as a stream. Null: not copied.
+  typename Descriptor::element* descriptors;
 
   epipolar_table view(int n, int a, int b) const {
     const int cameras = search.query_cameras * search.neighbour_cameras;
@@ -57,7 +57,8 @@ struct ordered_tables {
     return plane_measure::ray(g, std::sqrt(search.options.reprojection_chi2),
                               search.neighbour(n).cameras[b].resolution);
   }
-  /// Measures the query keypoints (side a), by bearings in their own camera. A line test measures from the exact query pixel: no width of its own.
+  /// Measures the query keypoints (side a), by bearings in their own camera. A line test measures from the exact query
+  /// pixel: no width of its own.
   plane_measure query_measure(const pair_geometry& g, int a) const {
     if (g.straight) return plane_measure::line(g, 0, 1).turned(g.T_ba.R);
     return plane_measure::ray(g, std::sqrt(search.options.reprojection_chi2), search.query().cameras[a].resolution)
