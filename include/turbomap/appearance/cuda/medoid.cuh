@@ -8,9 +8,12 @@
 
 #include <cstdint>
 #include <limits>
+#include <type_traits>
 
 #include "../../config.hpp"
 #include "../../cuda/warp.cuh"
+#include "../../descriptor/binary.hpp"
+#include "../../descriptor/real.hpp"
 #include "../medoid.hpp"
 #include "tuning.hpp"
 
@@ -18,13 +21,22 @@ TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
+/// Whether a block copies descriptors into its shared memory, where rows begin at any multiple of 4 bytes: the library's own.
+/// The distance of the user's may read more at once, so theirs are compared where they are.
+template <class Descriptor>
+struct is_staged : std::false_type {};
+template <int Bits>
+struct is_staged<binary_descriptor<Bits>> : std::true_type {};
+template <class Storage, int Length>
+struct is_staged<real_descriptor<Storage, Length>> : std::true_type {};
+
 /// Descriptors in shared memory. Rows of an odd number of words: lanes that read the same word of theirs do not collide.
 template <class Descriptor>
 struct shared_descriptors {
   static constexpr int stride = (((Descriptor::bytes + 3) / 4) | 1) * 4;
-  static constexpr int room = appearance_tuning::descriptor_bytes / stride;
+  static constexpr int room = is_staged<Descriptor>::value ? appearance_tuning::descriptor_bytes / stride : 0;
   static constexpr int capacity = room < appearance_tuning::views ? room : appearance_tuning::views;
-  static_assert(alignof(typename Descriptor::element) <= 4);
+  static_assert(capacity == 0 || alignof(typename Descriptor::element) <= 4);
   const unsigned char* data;
 
   __device__ const typename Descriptor::element* operator()(int j) const {

@@ -13,8 +13,9 @@ TURBOMAP_BEGIN_NAMESPACE
 /// some 100: a block of 4 warps then has work for every lane.
 struct appearance_tuning {
   static constexpr int warps = 4;
-  static constexpr int descriptor_bytes =
-      12 * 1024;                     ///< of shared memory for the descriptors of a point: 340 of 256 bits
+  /// Of shared memory for the descriptors of a point, in rows of an odd number of words: 180 of 488 bits, 47 of 64 floats.
+  /// Those of 256 bits are bounded by `views`.
+  static constexpr int descriptor_bytes = 12 * 1024;
   static constexpr int views = 256;  ///< so many views have their distances in shared memory; more are compared again
 };
 
