@@ -264,6 +264,23 @@ TEST_CASE("what nobody reports: commits leave a sound map, and the sample check 
   }
 }
 
+TEST_CASE("who reports may hold the lock of the object") {
+  furnished f(3);
+  pointer_keyframe& k = f.m.objects.keyframes[0];
+  std::atomic<bool> done{false};
+  std::atomic<int> reports{0};
+  std::thread other([&] {
+    while (!done) {
+      const std::lock_guard<std::mutex> lock(k.mutex);
+      f.m.changed(&k);
+      ++reports;
+    }
+  });
+  while (reports < 1000) f.m.hear();
+  done = true;
+  other.join();
+}
+
 TEST_CASE("another thread edits the map and reports it") {
   furnished f(7);
   f.edits_before_commit = false;

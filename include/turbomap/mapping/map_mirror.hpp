@@ -82,15 +82,25 @@ class map_mirror {
   }
   /// What was reported is to be read anew.
   void hear() {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (all_changed_) {
-      for (std::size_t p = 1; p < points_.size(); ++p) points_[p].read = 0;
-      for (std::size_t k = 1; k < keyframes_.size(); ++k) keyframes_[k].read = 0;
+    list_of<user_point> points;
+    list_of<user_keyframe> keyframes;
+    bool all = false;
+    {  // the user's map is asked without the lock: who reports may hold locks of objects
+      const std::lock_guard<std::mutex> lock(mutex_);
+      points.swap(changed_points_), keyframes.swap(changed_keyframes_);
+      std::swap(all, all_changed_);
     }
-    for (const user_point& p : changed_points_) forget(number(p));
-    for (const user_keyframe& k : changed_keyframes_) read_again(number(k));
-    changed_points_.clear(), changed_keyframes_.clear();
-    all_changed_ = false;
+    try {
+      if (all) {
+        for (std::size_t p = 1; p < points_.size(); ++p) points_[p].read = 0;
+        for (std::size_t k = 1; k < keyframes_.size(); ++k) keyframes_[k].read = 0;
+      }
+      for (const user_point& p : points) forget(number(p));
+      for (const user_keyframe& k : keyframes) read_again(number(k));
+    } catch (...) {
+      refresh();
+      throw;
+    }
   }
   /// Compares one keyframe and a share of all points with the user's map, the next ones at each call, and reads anew those that
   /// differ. \return how many did
