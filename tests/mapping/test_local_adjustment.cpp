@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <atomic>
 #include <limits>
+#include <map>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -24,6 +25,25 @@
 #include "scenes/pointer_map.hpp"
 #include "scenes/watched_map.hpp"
 #include "support/policies.hpp"
+
+namespace turbomap_test {
+
+/// A map that counts how often a commit looks at a point again, as it does in a copy.
+struct looked_map : flat_map {
+  using flat_map::flat_map;
+  mutable std::map<std::int32_t, int> looks;
+};
+
+}  // namespace turbomap_test
+
+template <>
+struct turbomap::map_traits<turbomap_test::looked_map> : turbomap::map_traits<turbomap_test::flat_map> {
+  using map = turbomap_test::looked_map;
+  static void look_again(const map& m, point p) { ++m.looks[p.index]; }
+  static void look_again(const map&, keyframe) {}
+  static void look_again(const map&, keyframe, std::size_t) {}
+  static void look_at_position(const map&, point) {}
+};
 
 namespace {
 
@@ -421,6 +441,65 @@ TEST_CASE("points that moved, died or were taken elsewhere meanwhile keep what t
     CHECK(same_place(m.s.map.position(fresh), {4, 5, 6}));
   }
   CHECK(still.s.map.watch.unguarded == 0);
+}
+
+TEST_CASE("a point comes to contradict the map between two parts: its outliers stay, and what was written does") {
+  local_adjustment_options options;
+  options.points_per_guard = 16;
+  meanwhile_scene still;
+  const auto undisturbed = adjustment_run<watched, sequential>(sequential{}, still.s)(5, options);
+  std::size_t victim = 0;
+  turbomap::map_point_id p;
+  for (const auto& [f, i] : still.s.wrong) {
+    const auto at = meanwhile_scene().s.map.point_at(still.s.keyframes[f], i);
+    if (f == 5 && still.s.map.alive(at)) victim = i, p = at;
+  }
+  REQUIRE_FALSE(p == turbomap::map_point_id{});
+  using lie = void (*)(watched_traits::map&, turbomap::map_point_id, turbomap::map_keyframe_id, std::size_t);
+  const std::pair<turbomap::map_fault, lie> lies[] = {
+      {turbomap::map_fault::keypoint_out_of_range,
+       [](auto& map, auto point, auto k, auto) { watched_traits::add_observation(map, point, k, 1000000); }},
+      {turbomap::map_fault::slot_without_observation,
+       [](auto& map, auto point, auto k, auto i) { watched_traits::erase_observation(map, point, k, i); }}};
+  for (const auto& [fault, lie] : lies)
+    for (const bool strict : {false, true}) {
+      CAPTURE(static_cast<int>(fault));
+      CAPTURE(strict);
+      meanwhile_scene m;
+      adjustment_run<watched, sequential> run(sequential{}, m.s);
+      turbomap::plain_vector<turbomap::map_violation> noted;
+      auto scope = run.scope();
+      if (!strict) scope.faults = turbomap::fault_sink(noted);
+      int times = 0;
+      m.s.map.watch.before = [&, lie = lie] {
+        if (++times == 3) lie(m.s.map, p, m.s.keyframes[5], victim);
+      };
+      if (strict) {
+        CHECK_THROWS_AS(run.adjust(scope, m.s.keyframes[5], options), turbomap::inconsistent_map);
+      } else {
+        const auto summary = run.adjust(scope, m.s.keyframes[5], options);
+        CHECK(summary.outliers < undisturbed.outliers);
+        CHECK(summary.outliers > undisturbed.outliers / 2);
+        REQUIRE(noted.size() == 1);
+        CHECK(noted[0].fault == fault);
+        CHECK(noted[0].point == watched_traits::id(m.s.map, p));
+      }
+      m.s.map.watch.before = {};
+      CHECK(times > 5);
+      CHECK(m.s.map.point_at(m.s.keyframes[5], victim) == p);
+      CHECK_FALSE(same_pose(m.s.map.T_cw(m.s.keyframes[5]), meanwhile_scene().s.map.T_cw(m.s.keyframes[5])));
+      CHECK(turbomap::validate(static_cast<watched_traits::map&>(m.s.map)).size() == 1);
+    }
+}
+
+TEST_CASE("on a copy of a map the commit reads each point of an outlier once, however many it has") {
+  local_recipe recipe;
+  recipe.outliers = 0.2;
+  local_scene<looked_map> s(recipe);
+  const auto summary = adjust_around(sequential{}, s, 5);
+  CHECK(s.map.looks.size() > 10);
+  CHECK(summary.outliers > s.map.looks.size());
+  for (const auto& [point, looks] : s.map.looks) CHECK(looks == 1);
 }
 
 TEST_CASE("a point behind its only camera is an outlier, however well it fits") {

@@ -47,9 +47,11 @@ class local_adjustment {
   }
 
   /// The map is left as it is where a free keyframe moved or died meanwhile (summary.stale; what was written before that stays,
-  /// see options.points_per_guard), and where nothing better was found (summary.solve.accepted is 0, and end says why). Points that moved or died meanwhile keep what they have.
+  /// see options.points_per_guard), and where nothing better was found (summary.solve.accepted is 0, and end says why). Points
+  /// that moved or died meanwhile keep what they have.
   /// \throws std::invalid_argument  an option out of range, a keyframe that is not in the store; inconsistent_map where an
-  ///         outlier's point contradicts the map: nothing is written then
+  ///         outlier's point contradicts the map, unless the scope notes faults: nothing is written then; where it came to
+  ///         contradict it between two parts, the parts before stay
   local_adjustment_summary operator()(const scope& s, keyframe current, const local_adjustment_options& options) {
     local_adjustment_summary summary;
     snapshot(s, current, options, summary);
@@ -113,14 +115,16 @@ class local_adjustment {
       const auto most = static_cast<std::size_t>(options.points_per_guard);
       if (most == 0 || points().size() + 4 * outliers_.size() <= most) {
         write_positions(s.map, 0, points().size());
-        return take_out(s.map, 0, outliers_.size(), options, summary);
+        return take_out(s, 0, outliers_.size(), options, summary);
       }
     }
     const auto most = static_cast<std::size_t>(options.points_per_guard);
     in_parts(s, points().size(), most, summary,
              [&](std::size_t begin, std::size_t end) { write_positions(s.map, begin, end); });
-    in_parts(s, outliers_.size(), (most + 3) / 4, summary,
-             [&](std::size_t begin, std::size_t end) { take_out(s.map, begin, end, options, summary); });
+    in_parts(s, outliers_.size(), (most + 3) / 4, summary, [&](std::size_t begin, std::size_t end) {
+      checks_.assign(points().size(), unchecked);
+      take_out(s, begin, end, options, summary);
+    });
   }
 
   /// The points of the last adjustment: their normals and ranges are due.
@@ -174,23 +178,36 @@ class local_adjustment {
     for (std::size_t p = begin; p < end; ++p)
       if (unmoved(map, p)) traits::set_position(map, points()[p], positions_[p]);
   }
-  void take_out(Map& map, std::size_t begin, std::size_t end, const local_adjustment_options& options,
+  void take_out(const scope& s, std::size_t begin, std::size_t end, const local_adjustment_options& options,
                 local_adjustment_summary& summary) {
     for (std::size_t i = begin; i < end; ++i) {
+      // Its point may have died of an outlier before, or been changed by somebody else.
+      if (!is_held(s.map, outliers_[i], s.faults)) continue;
       const auto row = window_.at(outliers_[i]);
       const keyframe k = window_.frames()[static_cast<std::size_t>(row.frame)];
-      const auto keypoint = static_cast<std::size_t>(row.keypoint);
-      const point p = points()[static_cast<std::size_t>(row.landmark)];
-      // It may have died of an outlier before, or been changed by somebody else.
-      look_again(map, p);
-      look_again(map, k, keypoint);
-      if (!traits::alive(map, k) || !(traits::point_at(map, k, keypoint) == p)) continue;
-      if (fade(map, k, keypoint, options.fewest_measurements))
+      if (fade(s.map, k, static_cast<std::size_t>(row.keypoint), options.fewest_measurements))
         ++summary.points_erased;
       else
-        lost_views_.push_back(p);
+        lost_views_.push_back(points()[static_cast<std::size_t>(row.landmark)]);
       ++summary.outliers;
     }
+  }
+  /// Whether the keypoint of a row sees its point yet, and neither contradicts the map. Each point is looked at once while the
+  /// guard is held: see checks_.
+  bool is_held(const Map& map, std::size_t i, fault_sink faults) {
+    const auto row = window_.at(i);
+    const keyframe k = window_.frames()[static_cast<std::size_t>(row.frame)];
+    const auto l = static_cast<std::size_t>(row.landmark), keypoint = static_cast<std::size_t>(row.keypoint);
+    std::uint8_t& check = checks_[l];
+    if (check == unchecked) {
+      look_again(map, points()[l]);
+      check = looked_at;
+    }
+    look_again(map, k, keypoint);
+    if (!traits::alive(map, k) || !(traits::point_at(map, k, keypoint) == points()[l])) return false;
+    if (!require_consistent_slot(map, k, keypoint, faults)) return false;
+    if (check == looked_at) check = require_consistent(map, points()[l], faults) ? sound : contradicts;
+    return check == sound;
   }
   bool unmoved(const Map& map, std::size_t p) const {
     look_at_position(map, points()[p]);
@@ -201,22 +218,16 @@ class local_adjustment {
   /// Rows beyond their gate that the map still has. Throws inconsistent_map before anything is written.
   void find_outliers(const Map& map, const local_adjustment_options& options, fault_sink faults) {
     outliers_.clear();
+    checks_.assign(points().size(), unchecked);
     for (std::size_t i = 0; i < window_.row_count(); ++i) {
       const bool fits = chi2_[i] <= (measurements_.is_stereo(i) ? options.stereo_chi2 : options.mono_chi2);
       if (fits && (depth_[i] > 0 || !measurements_.is_straight(i))) continue;
-      const auto row = window_.at(i);
-      const keyframe k = window_.frames()[static_cast<std::size_t>(row.frame)];
-      const auto l = static_cast<std::size_t>(row.landmark);
-      const point p = points()[l];
-      look_again(map, p);
-      look_again(map, k, static_cast<std::size_t>(row.keypoint));
-      if (!traits::alive(map, k) || !unmoved(map, l) ||
-          !(traits::point_at(map, k, static_cast<std::size_t>(row.keypoint)) == p))
-        continue;
-      if (!require_consistent(map, p, faults)) continue;
-      outliers_.push_back(i);
+      if (unmoved(map, static_cast<std::size_t>(window_.at(i).landmark)) && is_held(map, i, faults))
+        outliers_.push_back(i);
     }
   }
+
+  enum : std::uint8_t { unchecked, looked_at, sound, contradicts };
 
   adjustment_window<Map> window_;
   window_measurements<Map, Policy> measurements_;
@@ -226,6 +237,7 @@ class local_adjustment {
   plain_vector<vec3<double>> positions_;         ///< by point, adjusted
   plain_vector<double> chi2_, depth_;            ///< by row, at the end
   plain_vector<std::size_t> outliers_;           ///< rows
+  plain_vector<std::uint8_t> checks_;            ///< by point, since the guard was taken
   list_of<point> lost_views_;
 };
 
