@@ -50,10 +50,13 @@ struct uncertainty_view {
   }
 };
 
+using Matrix3l = Eigen::Matrix<long double, 3, 3>;
+
 /// The inverse of the sum of all views' information, and that a point lies within its own distance of the farthest camera.
+/// In extended numbers: a single near view knows the point 1e6 times as well across its ray as along it.
 template <class Camera>
 Eigen::Matrix3d oracle_point_covariance(const std::vector<uncertainty_view<Camera>>& views, const Eigen::Vector3d& X) {
-  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+  Matrix3l information = Matrix3l::Zero();
   double distance = 0;
   for (const auto& v : views) {
     distance = std::max(distance, (v.T_cw * X).norm());
@@ -61,9 +64,11 @@ Eigen::Matrix3d oracle_point_covariance(const std::vector<uncertainty_view<Camer
     Eigen::Matrix3d J = Eigen::Matrix3d::Zero(), N = Eigen::Matrix3d::Identity();  // of fixed size: also under nvcc
     J.topRows(v.size()) = v.derivative(X);
     N.topLeftCorner(v.size(), v.size()) = v.noise();
-    information += J.transpose() * N.inverse() * J;
+    const Matrix3l K = J.cast<long double>();
+    information += K.transpose() * N.inverse().cast<long double>() * K;
   }
-  return (information + Eigen::Matrix3d::Identity() / (distance * distance)).inverse();
+  const Matrix3l whole = information + Matrix3l::Identity() / static_cast<long double>(distance * distance);
+  return Matrix3l(whole.inverse()).template cast<double>();
 }
 
 /// Covariance of the difference between a pixel of the view and the projection of a point known to Sigma.
