@@ -54,9 +54,7 @@ struct stale_map {
     r.seed = seed, r.noisy_bits = 40, r.pixel_noise = 0.5;
     return r;
   }
-  std::size_t operator()(const std::vector<map_point_id>& which) {
-    return update(run.scope(held), which, options);
-  }
+  std::size_t operator()(const std::vector<map_point_id>& which) { return update(run.scope(held), which, options); }
 };
 
 template <class Policy, class Camera>
@@ -88,6 +86,24 @@ TEST_CASE("dead, empty, repeated and unobserved points are passed over") {
   turbomap::erase_point(s.run.map, dead);
   CHECK(s({one, dead, one, map_point_id{}, lonely, s.points[2], one}) == 2);
   CHECK(stale_map<flat_map, pinhole_camera, sequential>::traits::max_distance(s.run.map, lonely) == 0);
+}
+
+TEST_CASE("points that changed and points that only moved: each once, and the guard is not taken for none") {
+  using map = watched_map<mapped_descriptor>;
+  using traits = turbomap::map_traits<map>;
+  stale_map<map, pinhole_camera, sequential> s(pinhole_rig(50)), whole(pinhole_rig(50));
+  whole(whole.points);
+  using list = turbomap::span<const map_point_id>;
+  const std::size_t half = s.points.size() / 2;
+  CHECK(s.update(s.run.scope(s.held), list(s.points.data(), half), list(), s.options) == half);
+  CHECK(s.held.count == 2);
+  CHECK(s.update(s.run.scope(s.held), list(s.points.data(), half), list(s.points), s.options) == s.points.size());
+  CHECK(s.held.count == 6);
+  for (std::size_t i = 0; i < s.points.size(); ++i) {
+    CHECK(traits::max_distance(s.run.map, s.points[i]) == traits::max_distance(whole.run.map, s.points[i]));
+    CHECK((traits::descriptor_data(s.run.map, s.points[i])[7] == 0xAA) ==
+          (i >= half || traits::descriptor_data(whole.run.map, s.points[i])[7] == 0xAA));
+  }
 }
 
 TEST_CASE("observers that are not in the store do not count") {

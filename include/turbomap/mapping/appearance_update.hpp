@@ -49,6 +49,7 @@ class appearance_update {
   std::size_t operator()(const scope& s, span<const point> changed, span<const point> moved,
                          appearance_options options) {
     std::size_t updated = (*this)(s, changed, options);
+    if (moved.empty()) return updated;
     options.descriptors = false;
     {
       const auto guard = s.guard();
@@ -130,7 +131,7 @@ class appearance_update {
   };
 
   /// As many points at a time as the store has room for the observers of. Each point is computed by itself, so the result is
-  /// the same; but a point whose own observers do not fit is described by as many of them as do.
+  /// the same; but a point whose own observers do not fit is described by half as many, until they do.
   /// `take(begin)` is called after each piece: updated_ is of the points from `begin` on.
   template <class Take>
   void compute_in_pieces(const scope& s, const appearance_options& options, Take take) {
@@ -187,7 +188,6 @@ class appearance_update {
     }
   }
 
-  /// Those of the points that have not been seen since the last snapshot().
   /// In order of insertion into the map, whatever the order of the list: the first of equals wins. Lists are short, and mostly
   /// in that order, so each view is moved to its place among those before it.
   void order_views() {
@@ -199,6 +199,7 @@ class appearance_update {
     }
   }
 
+  /// Those of the points that have not been seen since the last snapshot().
   void gather(const scope& s, span<const point> points) {
     const Map& map = s.map;
     observers_.clear();
