@@ -361,8 +361,7 @@ class local_mapper {
     if (options_.creation.rule == creation_rule::tracks)
       options.across_rig = options.across_rig || options_.neighbours.across_rig;
     timed(search_a_neighbour, static_cast<double>(report_.neighbours), [&] { search_.compute(s, options); });
-    // Not by the flag, which may be cleared again: a search that was stopped holds no neighbours.
-    cut_ = cut_ || (report_.neighbours > 0 && search_.matches().view().neighbour_count == 0);
+    cut_ = cut_ || search_.stopped();
   }
 
   void create(stage_keyframe, const scope& s) {

@@ -323,6 +323,22 @@ TEST_CASE("stop ends the iteration before the stage that asks, whatever it says 
   }
 }
 
+TEST_CASE("a search that its flag stops is cut, one that finishes is done") {
+  for (const auto set : {turbomap::candidates::epipolar_ordered, turbomap::candidates::grouped}) {
+    std::atomic<bool> stop{false};
+    auto options = stereo_case().options;
+    options.search.candidate_set = set, options.search.stop = &stop;
+    stereo_run<> r(options);
+    r.run.steps(3);
+    stop = true;
+    const auto& report = r.run.step();
+    REQUIRE(report.neighbours > 0);
+    CHECK(report.outcome[mapping_stage::search] ==
+          (set == turbomap::candidates::grouped ? stage_outcome::done : stage_outcome::cut));
+    CHECK(r.sound());
+  }
+}
+
 TEST_CASE("adjustment is told the time that is left") {
   for (const double deadline : {0.0, 1e7}) {
     std::vector<double> left;

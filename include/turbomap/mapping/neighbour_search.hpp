@@ -78,8 +78,10 @@ class neighbour_search {
   span<const posed_keyframe<descriptor, camera>> posed() const { return posed_; }
   const keyframe_selection<Map>& selection() const { return selection_; }
   const matches_type& matches() const { return matches_; }
-  /// Which points the keypoints of posed() see, if the options asked for that.
-  known_points points() const { return {point_numbers_, point_offsets_}; }
+  /// Whether search_options::stop has ended compute(): matches() then refers to no neighbours.
+  bool stopped() const { return matches_.view().neighbour_count == 0 && neighbour_count() > 0; }
+  /// Which points the keypoints of posed() see, if the options asked for that, and the search was not stopped.
+  known_points points() const { return stopped() ? known_points{} : known_points{point_numbers_, point_offsets_}; }
 
  private:
   void gather(const Map& map, const handle_table& stored, keyframe query, const list_of<keyframe>& neighbours,

@@ -49,8 +49,11 @@ class correspondences {
   correspondences(correspondences&&) = default;
   correspondences& operator=(correspondences&&) = default;
 
-  /// No matches: what is left where a call ran out of memory.
-  void clear() { buffers_.view.neighbour_count = buffers_.view.slot_count = 0; }
+  /// No matches: what is left where a call ran out of memory, or was stopped.
+  void clear() {
+    buffers_.view.neighbour_count = buffers_.view.slot_count = 0;
+    buffers_.view.own_neighbour = -1;
+  }
   /// What kernels, filters and point creation read, in the memory of the policy.
   const search_view<Descriptor, Camera>& view() const { return buffers_.view; }
   /// Results of the search, matched or not.
