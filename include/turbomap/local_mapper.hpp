@@ -93,6 +93,7 @@ class local_mapper {
         due_(ctx) {
     static_assert(require_map_traits<Map>());
     require(options.deadline_ms >= 0, "options.deadline_ms", options.deadline_ms, "must not be negative");
+    require(options.checked_share >= 0, "options.checked_share", options.checked_share, "must not be negative");
     require(options.most_views >= 0, "options.most_views", options.most_views, "must not be negative");
     require(options.neighbours.stereo_baseline >= 0, "options.neighbours.stereo_baseline",
             options.neighbours.stereo_baseline, "must not be negative");

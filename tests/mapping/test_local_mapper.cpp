@@ -611,6 +611,8 @@ TEST_CASE("bad options are refused when the mapper is made") {
   refuses([](auto& o) { o.keyframe_culling.most_candidates = -1; });
   refuses([](auto& o) { o.keyframe_culling.most_erased = -1; });
   refuses([](auto& o) { o.most_views = -1; });
+  refuses([](auto& o) { o.checked_share = -0.01; });
+  refuses([](auto& o) { o.checked_share = nan; });
 }
 
 TEST_CASE("keyframes of the map that are not in the store are left out") {
