@@ -186,12 +186,17 @@ TEST_CASE("poses and positions that cannot be used are told") {
 }
 
 TEST_CASE("a sink with a list notes each fault once") {
-  turbomap::plain_vector<turbomap::map_violation> noted;
+  turbomap::fault_list noted;
   const turbomap::fault_sink sink(noted);
   for (int n = 0; n < 2; ++n)
     for (const map_fault f : {map_fault::bad_pose, map_fault::position_not_finite})
       for (const std::uint64_t id : {1U, 2U}) sink({f, id, 0, 0}), sink({f, 0, id, 0}), sink({f, 0, 0, id});
   CHECK(noted.size() == 12);
+  for (int n = 0; n < 2; ++n)
+    for (std::uint64_t id = 3; id < 5003; ++id) sink({map_fault::observer_not_alive, 0, id, id % 7});
+  REQUIRE(noted.size() == 5012);
+  CHECK(noted[1].point == 1);
+  for (std::size_t i = 12; i < noted.size(); ++i) CHECK(noted[i].point == i - 9);
   CHECK_THROWS_AS(turbomap::fault_sink()({map_fault::bad_pose, 1, 0, 0}), turbomap::inconsistent_map);
 }
 

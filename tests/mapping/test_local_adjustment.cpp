@@ -467,7 +467,7 @@ TEST_CASE("a point comes to contradict the map between two parts: its outliers s
       CAPTURE(strict);
       meanwhile_scene m;
       adjustment_run<watched, sequential> run(sequential{}, m.s);
-      turbomap::plain_vector<turbomap::map_violation> noted;
+      turbomap::fault_list noted;
       auto scope = run.scope();
       if (!strict) scope.faults = turbomap::fault_sink(noted);
       int times = 0;

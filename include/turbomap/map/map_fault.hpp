@@ -78,6 +78,50 @@ struct inconsistent_map : std::invalid_argument {
   map_violation violation;
 };
 
+/// Faults, each once, in the order in which they were noted first. One keyframe that died unreported may make thousands.
+class fault_list {
+ public:
+  bool empty() const { return faults_.empty(); }
+  std::size_t size() const { return faults_.size(); }
+  const map_violation* begin() const { return faults_.begin(); }
+  const map_violation* end() const { return faults_.end(); }
+  const map_violation& operator[](std::size_t i) const { return faults_[i]; }
+
+  /// Appends it unless it is there. Amortised O(1). Throws std::bad_alloc.
+  [[gnu::cold]] void note(const map_violation& v) {
+    if (2 * (size() + 1) > places_.size()) grow();
+    std::uint32_t& place = places_[find(v)];
+    if (place != 0) return;
+    faults_.push_back(v);
+    place = static_cast<std::uint32_t>(size());
+  }
+
+ private:
+  /// The cell of a fault, or the empty one that it would have.
+  std::size_t find(const map_violation& v) const {
+    constexpr std::uint64_t mix = 0x9E3779B97F4A7C15u;
+    std::uint64_t hash = static_cast<std::uint64_t>(v.fault);
+    for (const std::uint64_t part : {v.keyframe, v.point, static_cast<std::uint64_t>(v.keypoint)})
+      hash = (hash ^ hash >> 32 ^ part) * mix;
+    const std::size_t mask = places_.size() - 1;
+    std::size_t at = static_cast<std::size_t>(hash >> 32) & mask;
+    while (places_[at] != 0 && !same(faults_[places_[at] - 1], v)) at = (at + 1) & mask;
+    return at;
+  }
+  static bool same(const map_violation& a, const map_violation& b) {
+    return a.fault == b.fault && a.keyframe == b.keyframe && a.point == b.point && a.keypoint == b.keypoint;
+  }
+  void grow() {
+    std::size_t cells = 64;
+    while (cells < 4 * (size() + 1)) cells *= 2;
+    places_.assign(cells, 0);
+    for (std::size_t i = 0; i < size(); ++i) places_[find(faults_[i])] = static_cast<std::uint32_t>(i + 1);
+  }
+
+  plain_vector<map_violation> faults_;
+  plain_vector<std::uint32_t> places_;  ///< in faults_, from 1 on; 0: none. An open-addressing table
+};
+
 /// What becomes of the faults that a stage meets: the first ends its work (default), or all of them are noted, and the stage
 /// does its work without the parts of the map that they concern.
 class fault_sink {
@@ -85,18 +129,16 @@ class fault_sink {
   /// Throws inconsistent_map at the first fault.
   fault_sink() = default;
   /// Appends to the list, each fault once.
-  explicit fault_sink(plain_vector<map_violation>& noted) : noted_(&noted) {}
+  explicit fault_sink(fault_list& noted) : noted_(&noted) {}
 
   /// \throws inconsistent_map  unless there is a list; std::bad_alloc
   [[gnu::cold]] void operator()(const map_violation& v) const {
     if (noted_ == nullptr) throw inconsistent_map(v);
-    for (const map_violation& n : *noted_)
-      if (n.fault == v.fault && n.keyframe == v.keyframe && n.point == v.point && n.keypoint == v.keypoint) return;
-    noted_->push_back(v);
+    noted_->note(v);
   }
 
  private:
-  plain_vector<map_violation>* noted_ = nullptr;
+  fault_list* noted_ = nullptr;
 };
 
 }  // namespace turbomap

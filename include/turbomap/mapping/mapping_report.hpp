@@ -70,9 +70,10 @@ struct mapping_report {
   local_adjustment_summary adjustment;           ///< of the mapper's own stage; as it comes where a hook adjusts
   std::size_t points_updated = 0;                ///< whose appearance was computed anew
   plain_vector<std::uint64_t> keyframes_culled;  ///< ids
-  plain_vector<map_violation> refused;           ///< what was passed over because it cannot be used; each fault once
-  std::size_t healed = 0;  ///< points and keyframes of the mirror that the sample check found out of date, and read anew
-  bool cut = false;                              ///< the deadline cut a stage
+  fault_list refused;                            ///< what was passed over because it cannot be used; each fault once
+  /// Points and keyframes of the mirror that the sample check found out of date, and read anew.
+  std::size_t healed = 0;
+  bool cut = false;  ///< the deadline cut a stage
 };
 
 }  // namespace turbomap
