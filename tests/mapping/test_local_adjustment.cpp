@@ -164,8 +164,9 @@ TEST_CASE_TEMPLATE("the window: who is free, who is fixed, and nobody else moves
   std::set<std::size_t> sizes;
   int widened = 0;
   for (const std::size_t current : {0, 1, 5, 9})
-    for (const auto& [shared, second] : std::vector<std::pair<int, int>>{
+    for (const auto& least : std::vector<std::pair<int, int>>{
              {1, 0}, {15, 0}, {40, 0}, {60, 0}, {100000, 0}, {60, 40}, {60, 70}, {100000, 60}}) {
+      const int shared = least.first, second = least.second;
       CAPTURE(current);
       CAPTURE(shared);
       CAPTURE(second);
@@ -461,9 +462,9 @@ TEST_CASE("a point comes to contradict the map between two parts: its outliers s
        [](auto& map, auto point, auto k, auto) { watched_traits::add_observation(map, point, k, 1000000); }},
       {turbomap::map_fault::slot_without_observation,
        [](auto& map, auto point, auto k, auto i) { watched_traits::erase_observation(map, point, k, i); }}};
-  for (const auto& [fault, lie] : lies)
+  for (const auto& one : lies)
     for (const bool strict : {false, true}) {
-      CAPTURE(static_cast<int>(fault));
+      CAPTURE(static_cast<int>(one.first));
       CAPTURE(strict);
       meanwhile_scene m;
       adjustment_run<watched, sequential> run(sequential{}, m.s);
@@ -471,8 +472,8 @@ TEST_CASE("a point comes to contradict the map between two parts: its outliers s
       auto scope = run.scope();
       if (!strict) scope.faults = turbomap::fault_sink(noted);
       int times = 0;
-      m.s.map.watch.before = [&, lie = lie] {
-        if (++times == 3) lie(m.s.map, p, m.s.keyframes[5], victim);
+      m.s.map.watch.before = [&] {
+        if (++times == 3) one.second(m.s.map, p, m.s.keyframes[5], victim);
       };
       if (strict) {
         CHECK_THROWS_AS(run.adjust(scope, m.s.keyframes[5], options), turbomap::inconsistent_map);
@@ -481,7 +482,7 @@ TEST_CASE("a point comes to contradict the map between two parts: its outliers s
         CHECK(summary.outliers < undisturbed.outliers);
         CHECK(summary.outliers > undisturbed.outliers / 2);
         REQUIRE(noted.size() == 1);
-        CHECK(noted[0].fault == fault);
+        CHECK(noted[0].fault == one.first);
         CHECK(noted[0].point == watched_traits::id(m.s.map, p));
       }
       m.s.map.watch.before = {};
