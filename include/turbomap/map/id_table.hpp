@@ -30,10 +30,14 @@ class id_table {
 
   /// The place of an id; a new id gets place size(). Amortised O(1). Throws std::bad_alloc, unchanged.
   std::size_t place(std::uint64_t id) {
-    if (2 * (size_ + 1) > cells_.size()) grow();
+    make_room();
     cell& c = cells_[find_cell(id)];
     if (c.epoch != epoch_) c = {id, static_cast<std::uint32_t>(size_++), epoch_};
     return c.place;
+  }
+  /// So that the next place() does not throw. Throws std::bad_alloc, unchanged.
+  void make_room() {
+    if (2 * (size_ + 1) > cells_.size()) grow();
   }
   /// The place of an id, or none.
   std::size_t find(std::uint64_t id) const {

@@ -23,14 +23,22 @@ class id_numbers {
     const std::size_t at = table_.find(id);
     return at == id_table::none ? none : numbers_[at];
   }
-  /// Amortised O(1). Throws std::bad_alloc.
-  void set(std::uint64_t id, std::int32_t number) {
+  /// So that the next set() does not throw. Throws std::bad_alloc, unchanged.
+  void make_room() {
     if (gone_ > 1024 && 2 * gone_ > ids_.size()) drop_gone();
-    const std::size_t known = ids_.size();
-    ids_.push_back(id), numbers_.push_back(number);  // so that place() below is the only step that may fail later
+    const std::size_t size = ids_.size() + 1;
+    if (ids_.capacity() < size) ids_.reserve(2 * size);
+    if (numbers_.capacity() < size) numbers_.reserve(2 * size);
+    table_.make_room();
+  }
+  /// Amortised O(1). Throws std::bad_alloc, unchanged.
+  void set(std::uint64_t id, std::int32_t number) {
+    make_room();
     const std::size_t at = table_.place(id);
-    if (at == known) return;
-    ids_.pop_back(), numbers_.pop_back();
+    if (at == ids_.size()) {
+      ids_.push_back(id), numbers_.push_back(number);
+      return;
+    }
     gone_ -= numbers_[at] == none && number != none ? 1 : 0;
     numbers_[at] = number;
   }

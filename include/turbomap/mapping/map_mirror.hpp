@@ -142,19 +142,21 @@ class map_mirror {
   void take_associations(keyframe k) const {
     if (!known(k)) return;
     const user_keyframe name = keyframes_[at(k)].name;
+    keyframes_[at(k)].read = 0;  // until all of it is
     look_at_pose(at(k), name);
     keypoints(at(k));
-    keyframes_[at(k)].read = 1;
     for (std::size_t i = 0; i < keyframes_[at(k)].slots.size(); ++i) {
       const point before = keyframes_[at(k)].slots[i], now = number(user_traits::point_at(map_, name, i));
-      keyframes_[at(k)].slots[i] = now;
       if (now == before) continue;
       const observation o{k.index, static_cast<std::int32_t>(i)};
+      if (known(now) && points_[at(now)].read != 0 && !lists(now, at(k), i)) {
+        lists_.add(at(now), o);
+        count_octaves(at(now));
+      }
+      keyframes_[at(k)].slots[i] = now;
       if (known(before) && lists_.erase(at(before), o)) count_octaves(at(before));
-      if (!known(now) || points_[at(now)].read == 0 || lists(now, at(k), i)) continue;
-      lists_.add(at(now), o);
-      count_octaves(at(now));
     }
+    keyframes_[at(k)].read = 1;
   }
   /// Reads pose and slots of a keyframe now: points that came into its slots, or left them, are to be read anew.
   void read_again(keyframe k) const {
@@ -219,7 +221,9 @@ class map_mirror {
   // ---- places ----
 
   std::int32_t take_keyframe(const user_keyframe& name, std::uint64_t id) const {
-    const std::int32_t k = keyframe_places_.take();
+    if (keyframes_.capacity() == keyframes_.size()) keyframes_.reserve(2 * keyframes_.size() + 16);
+    keyframe_numbers_.make_room();
+    const std::int32_t k = keyframe_places_.take();  // the last step that may throw
     if (static_cast<std::size_t>(k) == keyframes_.size()) keyframes_.emplace_back();
     auto& entry = keyframes_[static_cast<std::size_t>(k)];
     entry = {};
@@ -229,7 +233,7 @@ class map_mirror {
   }
   std::int32_t take_point(const user_point& name, std::uint64_t id) const {
     grow_points();
-    const std::int32_t p = point_places_.take();
+    const std::int32_t p = point_places_.take();  // the last step that may throw
     const auto i = static_cast<std::size_t>(p);
     if (i == points_.size()) {
       points_.push_back({}), names_.push_back({});
@@ -255,6 +259,8 @@ class map_mirror {
     grow(points_, n), grow(names_, n), grow(positions_, n), grow(normals_, n), grow(ranges_, n);
     if constexpr (has_covariances) grow(covariances_, n);
     grow(descriptors_, n * elements), grow(counts_, n * levels_);
+    grow(merged_, n);
+    point_numbers_.make_room();
     lists_.open(n - 1);
   }
   void lose_keyframe(std::size_t k) const {
@@ -267,14 +273,19 @@ class map_mirror {
   }
   /// It is not alive in the user's map: `replacement`, or nothing, is there for it.
   void lose_point(std::size_t p, point replacement) const {
+    old_.clear();
+    for (const observation& o : lists_.of(p)) old_.push_back(o);
     point_numbers_.erase(points_[p].id);
     point_places_.retire(static_cast<std::int32_t>(p));
     points_[p].replacement = replacement;
-    old_.clear();
-    for (const observation& o : lists_.of(p)) old_.push_back(o);
-    lists_.close(p);
-    for (std::size_t n = 0; n < old_.size(); ++n) agree(old_[n]);
     merged_.push_back(static_cast<std::int32_t>(p));
+    lists_.close(p);
+    try {
+      for (const observation& o : old_) agree(o);
+    } catch (...) {
+      read_slots_of_old_anew();
+      throw;
+    }
   }
 
   // ---- reading ----
@@ -320,8 +331,9 @@ class map_mirror {
     }
     bool differs = look_at_pose(k, name);
     keypoints(k);
-    keyframes_[k].read = 1;
+    keyframes_[k].read = 0;  // until all of it is
     for (std::size_t i = 0; i < keyframes_[k].slots.size(); ++i) differs = read_slot(k, i, name) || differs;
+    keyframes_[k].read = 1;
     return differs;
   }
   bool look_at_pose(std::size_t k, const user_keyframe& name) const {
@@ -353,7 +365,7 @@ class map_mirror {
   void read_point(std::size_t p) const {
     if (static_cast<std::int32_t>(p) == gone || !point_places_.alive(static_cast<std::int32_t>(p))) return;
     const user_point name = names_[p];
-    points_[p].read = 1;
+    points_[p].read = 0;  // until all of it is
     if (!user_traits::alive(map_, name)) return lose_point(p, number(user_traits::replacement(map_, name)));
     read_position(p, name);
     normals_[p] = user_traits::normal(map_, name);
@@ -363,12 +375,15 @@ class map_mirror {
     for (std::size_t e = 0; e < elements; ++e) descriptors_[p * elements + e] = d[e];
     points_[p].reference = number(user_traits::reference(map_, name));
     read_list(p, name);
+    points_[p].read = 1;
   }
   void read_position(std::size_t p, const user_point& name) const {
     const auto& x = user_traits::position(map_, name);
     positions_[p] = {x.x, x.y, x.z};
   }
   void read_list(std::size_t p, const user_point& name) const {
+    const std::uint8_t read = points_[p].read;
+    points_[p].read = 0;  // until all of it is
     scratch_.clear();
     user_traits::for_each_observation(map_, name, [&](const user_keyframe& observer, std::size_t keypoint) {
       const keyframe k = number(observer);
@@ -379,12 +394,21 @@ class map_mirror {
     for (const observation& o : scratch_)
       for (observation& before : old_)
         if (before.keyframe == o.keyframe && before.keypoint == o.keypoint) before.keyframe = gone;
-    lists_.close(p);
-    lists_.reserve(p, scratch_.size());
-    for (const observation& o : scratch_) lists_.add(p, o);
-    count_octaves(p);
-    for (const observation& o : old_) agree(o);
-    for (const observation& o : scratch_) agree(o, point_at(static_cast<std::int32_t>(p)));
+    try {
+      lists_.close(p);
+      lists_.reserve(p, scratch_.size());
+      for (const observation& o : scratch_) lists_.add(p, o);
+      count_octaves(p);
+      for (const observation& o : old_) agree(o);
+      for (const observation& o : scratch_) agree(o, point_at(static_cast<std::int32_t>(p)));
+    } catch (...) {
+      read_slots_of_old_anew();
+      throw;
+    }
+    points_[p].read = read;
+  }
+  void read_slots_of_old_anew() const {
+    for (const observation& o : old_) keyframes_[static_cast<std::size_t>(o.keyframe)].read = 0;
   }
   /// Slots that have been read agree with the list of a point, or are read anew. \param expected  what the slot holds by the list
   void agree(const observation& o, point expected = {}) const {
@@ -396,6 +420,8 @@ class map_mirror {
   }
   /// As recount(). O(views^2) of the flat list.
   void count_octaves(std::size_t p) const {
+    const std::uint8_t read = points_[p].read;
+    points_[p].read = 0;  // until all of it is
     const std::size_t n = lists_.of(p).size();
     for (std::size_t v = 0; v < n; ++v)
       octave_of(lists_.of(p)[v]);  // keypoints are read, and levels known, from here on
@@ -413,6 +439,7 @@ class map_mirror {
       }
       if (finest >= 0) ++counts_[p * levels_ + static_cast<std::size_t>(finest)];
     }
+    points_[p].read = read;
   }
   /// -1 where there is no such keypoint.
   int octave_of(const observation& o) const {

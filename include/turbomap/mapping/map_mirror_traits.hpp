@@ -66,11 +66,11 @@ struct map_traits<map_mirror<Map>> {
   }
   template <class M = Map, class = std::enable_if_t<detail::map_has_v<M, detail::map_temporal_member>>>
   static keyframe previous(const map_mirror<M>& m, keyframe k) {
-    return m.number(user::previous(m.map(), m.name(k)));
+    return named(m, m.number(user::previous(m.map(), m.name(k))));
   }
   template <class M = Map, class = std::enable_if_t<detail::map_has_v<M, detail::map_temporal_member>>>
   static keyframe next(const map_mirror<M>& m, keyframe k) {
-    return m.number(user::next(m.map(), m.name(k)));
+    return named(m, m.number(user::next(m.map(), m.name(k))));
   }
 
   // ---- points ----
@@ -138,7 +138,14 @@ struct map_traits<map_mirror<Map>> {
   static point add_point(mirror& m, const vec3<double>& x, keyframe reference) {
     m.grow_points();
     const auto name = user::add_point(m.map(), x, m.name(reference));
-    const point p = m.point_at(m.take_point(name, user::id(m.map(), name)));
+    std::int32_t place = 0;
+    try {
+      place = m.take_point(name, user::id(m.map(), name));
+    } catch (...) {
+      user::retire(m.map(), name, {});
+      throw;
+    }
+    const point p = m.point_at(place);
     auto& entry = of(m, p);
     entry.read = 1, entry.reference = reference;
     m.read_position(m.at(p), name);
@@ -218,6 +225,8 @@ struct map_traits<map_mirror<Map>> {
   }
 
  private:
+  /// A keyframe that is not in the map has no name, by which its neighbours in time could be asked for: time ends there.
+  static keyframe named(const mirror& m, keyframe k) { return m.known(k) ? k : keyframe{}; }
   static auto& of(const mirror& m, keyframe k) { return m.keyframes_[m.at(k)]; }
   static auto& of(const mirror& m, point p) { return m.points_[m.at(p)]; }
 };
