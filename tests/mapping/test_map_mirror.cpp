@@ -9,6 +9,7 @@
 
 #include <turbomap/map/map_edit.hpp>
 #include <turbomap/map/validate.hpp>
+#include <turbomap/mapping/look_again.hpp>
 #include <turbomap/mapping/map_mirror.hpp>
 
 #include <algorithm>
@@ -136,6 +137,7 @@ std::size_t differences(const mirrored_map& m) {
     });
     std::sort(here.begin(), here.end()), std::sort(there.begin(), there.end());
     count += here != there || traits::position(m, mine).x != object.position.x ? 1 : 0;
+    if (!object.reference->bad) count += m.name(traits::reference(m, mine)) != object.reference ? 1 : 0;
   }
   for (const pointer_keyframe& object : m.objects.keyframes) {
     auto* const k = const_cast<pointer_keyframe*>(&object);
@@ -189,10 +191,14 @@ struct furnished {
         turbomap::merge_points(map, point(), point(), turbomap::merge_rule::drop, views);
         return;
       }
-      case 3:
+      case 3: {
+        auto* const p = point();
+        if (!p->observations.empty()) user_traits::set_reference(map, p, p->observations.rbegin()->first);
+        return;
+      }
+      case 4:
         user_traits::set_position(map, point(), {1.0 * static_cast<double>(draw(100)), 0, 1});
         return;
-      case 4:
       case 5: {
         auto* const p = user_traits::add_point(map, {1, 2, 3}, keyframe());
         turbomap::observe(map, p, keyframe(), draw(40));
@@ -262,6 +268,42 @@ TEST_CASE("what nobody reports: commits leave a sound map, and the sample check 
     CHECK(differences(f.m) == 0);
     CHECK(f.m.check_sample(1) == 0);
   }
+}
+
+TEST_CASE("an unreported change of a reference is seen before its keyframe goes") {
+  mirrored_map m;
+  for (std::uint32_t k = 0; k < 4; ++k) turbomap_test::insert_keyframe(m, random_keypoints(k, 1, 8, 20), k, {});
+  const auto keyframe = [&](std::size_t k) { return m.number(&m.objects.keyframes[k]); };
+  const auto p = traits::add_point(m, {1, 2, 3}, keyframe(0));
+  for (std::size_t k = 0; k < 4; ++k) turbomap::observe(m, p, keyframe(k), 2);
+  auto& object = m.objects.points[0];
+  SUBCASE("in a commit") {
+    user_traits::set_reference(m.objects, &object, &m.objects.keyframes[3]);
+    turbomap::look_at_all(static_cast<const turbomap::map_mirror<pointer_map>&>(m), keyframe(3), 2);
+    turbomap::erase_keyframe(m, keyframe(3));
+    CHECK(object.reference == &m.objects.keyframes[0]);
+  }
+  SUBCASE("by the sample check") {
+    user_traits::set_reference(m.objects, &object, &m.objects.keyframes[3]);
+    CHECK(m.check_sample(1) == 1);
+    CHECK(traits::reference(m, p) == keyframe(3));
+  }
+}
+
+TEST_CASE("a merge of others is followed through points that the mirror has never seen") {
+  furnished f(5);
+  auto& map = f.m.objects;
+  auto* const first = f.point();
+  const auto p = f.m.number(first);
+  REQUIRE(traits::alive(f.m, p));
+  auto* const middle = user_traits::add_point(map, {1, 2, 3}, f.keyframe());
+  auto* const last = user_traits::add_point(map, {1, 2, 3}, f.keyframe());
+  std::vector<std::pair<pointer_keyframe*, std::size_t>> views;
+  REQUIRE(turbomap::merge_points(map, first, middle, turbomap::merge_rule::drop, views));
+  REQUIRE(turbomap::merge_points(map, middle, last, turbomap::merge_rule::drop, views));
+  f.m.refresh();
+  f.m.hear();
+  CHECK(f.m.name(turbomap::resolve(f.m, p)) == last);
 }
 
 TEST_CASE("who reports may hold the lock of the object") {

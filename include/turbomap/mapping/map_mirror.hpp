@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "../config.hpp"
+#include "../map/map_edit.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/observation_counts.hpp"
 #include "../map/simple_map/map_ids.hpp"
@@ -366,7 +367,7 @@ class map_mirror {
     if (static_cast<std::int32_t>(p) == gone || !point_places_.alive(static_cast<std::int32_t>(p))) return;
     const user_point name = names_[p];
     points_[p].read = 0;  // until all of it is
-    if (!user_traits::alive(map_, name)) return lose_point(p, number(user_traits::replacement(map_, name)));
+    if (!user_traits::alive(map_, name)) return lose_point(p, number(resolve(map_, name)));
     read_position(p, name);
     normals_[p] = user_traits::normal(map_, name);
     ranges_[p] = {user_traits::min_distance(map_, name), user_traits::max_distance(map_, name)};
@@ -465,6 +466,8 @@ class map_mirror {
     const auto& x = user_traits::position(map_, name);
     const vec3<double> now{x.x, x.y, x.z}, &then = positions_[p];
     if (!(now.x == then.x && now.y == then.y && now.z == then.z)) return false;
+    const user_keyframe reference = user_traits::reference(map_, name);
+    if (!(this->name(points_[p].reference) == reference || points_[p].reference == number(reference))) return false;
     std::size_t views = 0;
     bool same = true;
     user_traits::for_each_observation(map_, name, [&](const user_keyframe& observer, std::size_t keypoint) {

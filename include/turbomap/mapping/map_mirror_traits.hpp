@@ -121,7 +121,13 @@ struct map_traits<map_mirror<Map>> {
     return static_cast<float>(user::found_ratio(m.map(), m.name(p)));
   }
   static span<const std::uint32_t> octave_counts(const mirror& m, point p) {
-    return m.ensure(p), span<const std::uint32_t>(m.counts_.data() + m.at(p) * m.levels_, m.levels_);
+    m.ensure(p);
+    std::size_t levels = m.levels_;
+    if constexpr (mirror::counted_by_user) {  // no more than the user's map can count
+      const std::size_t kept = user::octave_counts(m.map(), m.name(p)).size();
+      levels = kept < levels ? kept : levels;
+    }
+    return {m.counts_.data() + m.at(p) * m.levels_, levels};
   }
   static void change_octave_count(mirror& m, point p, int octave, int change) {
     if constexpr (mirror::counted_by_user) user::change_octave_count(m.map(), m.name(p), octave, change);
@@ -180,8 +186,11 @@ struct map_traits<map_mirror<Map>> {
     if (!m.known(p) || !m.point_places_.alive(p.index)) return;
     if (of(m, p).read == 0 || !user::alive(m.map(), m.name(p)))
       m.read_point(m.at(p));
-    else
-      m.read_list(m.at(p), m.name(p));  // nothing else decides in a commit
+    else {
+      const auto name = m.name(p);
+      of(m, p).reference = m.number(user::reference(m.map(), name));
+      m.read_list(m.at(p), name);  // nothing else decides in a commit
+    }
     for (std::size_t n = 0; n < m.lists_.of(m.at(p)).size(); ++n) {
       const observation o = m.lists_.of(m.at(p))[n];
       look_again(m, m.keyframe_at(o.keyframe), static_cast<std::size_t>(o.keypoint));
@@ -215,7 +224,9 @@ struct map_traits<map_mirror<Map>> {
     for (std::size_t i = 0; i < of(m, k).slots.size(); ++i) {
       const point p = of(m, k).slots[i];
       if (!m.known(p) || !m.point_places_.alive(p.index)) continue;
-      if (of(m, p).read != 0 && !(of(m, p).reference == k) && m.measurements_without(m.at(p), k.index) > fewest)
+      const auto name = m.name(p);
+      if (of(m, p).read != 0 && user::alive(m.map(), name) && !(user::reference(m.map(), name) == m.name(k)) &&
+          m.measurements_without(m.at(p), k.index) > fewest)
         continue;
       if (of(m, p).read != 0 && m.is_current(m.at(p))) continue;
       differs = true;
