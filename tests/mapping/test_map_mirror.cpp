@@ -306,6 +306,37 @@ TEST_CASE("a merge of others is followed through points that the mirror has neve
   CHECK(f.m.name(turbomap::resolve(f.m, p)) == last);
 }
 
+TEST_CASE(
+    "points forget a keyframe that is taken out before its slots were read, and the mirror lets go of what others "
+    "erase") {
+  furnished f(9);
+  auto& map = f.m.objects;
+  auto* const p = user_traits::add_point(map, {1, 2, 3}, f.keyframe());
+  auto* const k = turbomap_test::insert_keyframe(map, random_keypoints(1, 2, 8, 20), 10, nullptr);
+  REQUIRE(turbomap::observe(map, p, k, 3));
+  const auto mine = f.m.number(p);
+  REQUIRE(traits::alive(f.m, mine));  // the point is read, its keyframe is not
+  const auto number = f.m.number(k);
+  turbomap::erase_keyframe(map, k, -1);
+  f.m.removed(k->id);
+  int views = 0;
+  traits::for_each_observation(f.m, mine, [&](turbomap::map_keyframe_id, std::size_t) { ++views; });
+  CHECK(views == 0);
+  CHECK(traits::keypoint_count(f.m, number) == 0);
+  CHECK(differences(f.m) == 0);
+
+  auto* const erased = f.point();
+  const auto gone = f.m.number(erased);
+  f.m.changed(erased);
+  turbomap::erase_point(map, erased);
+  f.m.begin();
+  f.m.check_sample(1);  // nobody asks for it
+  f.m.begin();
+  CHECK(f.m.name(gone) == nullptr);
+  CHECK(f.m.name(number) == nullptr);
+  CHECK(differences(f.m) == 0);
+}
+
 TEST_CASE("who reports may hold the lock of the object") {
   furnished f(3);
   pointer_keyframe& k = f.m.objects.keyframes[0];
@@ -333,15 +364,17 @@ TEST_CASE("another thread edits the map and reports it") {
   f.edits_before_commit = false;
   std::mutex guard;
   std::atomic<bool> done{false};
+  std::atomic<int> edits{0};
   std::thread other([&] {
     while (!done) {
       std::lock_guard<std::mutex> lock(guard);
       f.edit();
+      ++edits;
       f.m.refresh();
       f.m.changed(f.point());
     }
   });
-  for (int round = 0; round < 300; ++round) {
+  for (int round = 0; round < 300 || edits == 0; ++round) {
     f.m.changed(&f.m.objects.keyframes[0]);
     std::lock_guard<std::mutex> lock(guard);
     f.m.hear();

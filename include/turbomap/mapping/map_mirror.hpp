@@ -51,6 +51,7 @@ class map_mirror {
   explicit map_mirror(Map& map) : map_(map) {
     take_point(user_point{}, 0), point_places_.retire(gone);  // place 0 stands for whatever is not alive
     take_keyframe(user_keyframe{}, 0), keyframe_places_.retire(gone);
+    keyframes_[gone].has_keypoints = true;  // none
   }
   map_mirror(const map_mirror&) = delete;
   map_mirror& operator=(const map_mirror&) = delete;
@@ -75,10 +76,16 @@ class map_mirror {
 
   // ---- for the mapper ----
 
-  /// Before a keyframe is processed: numbers of merged points are free again, and what was reported is heard.
+  /// Before a keyframe is processed: numbers of merged points are free again, names of what is gone are let go, and what was
+  /// reported is heard.
   void begin() {
-    for (const std::int32_t p : merged_) point_places_.give_back(p);
+    for (const std::int32_t p : merged_) {
+      names_[static_cast<std::size_t>(p)] = user_point{};
+      point_places_.give_back(p);
+    }
     merged_.clear();
+    for (std::size_t k = 1; k < keyframes_.size(); ++k)
+      if (!keyframe_places_.alive(static_cast<std::int32_t>(k))) keyframes_[k].name = user_keyframe{};
     hear();
   }
   /// What was reported is to be read anew.
@@ -113,15 +120,24 @@ class map_mirror {
         wanted < static_cast<double>(points_.size()) ? static_cast<std::size_t>(wanted) + 1 : points_.size();
     for (; points > 0 && points_.size() > 1; --points) {
       next_point_ = next_point_ + 1 < points_.size() ? next_point_ + 1 : 1;
-      if (!point_places_.alive(static_cast<std::int32_t>(next_point_)) || points_[next_point_].read == 0) continue;
+      if (!point_places_.alive(static_cast<std::int32_t>(next_point_))) continue;
+      if (points_[next_point_].read == 0) {  // nobody may ever ask for it again
+        if (!user_traits::alive(map_, names_[next_point_])) read_point(next_point_);
+        continue;
+      }
       if (is_current(next_point_)) continue;
       ++stale;
       read_point(next_point_);
     }
     if (keyframes_.size() > 1) {
       next_keyframe_ = next_keyframe_ + 1 < keyframes_.size() ? next_keyframe_ + 1 : 1;
-      if (keyframe_places_.alive(static_cast<std::int32_t>(next_keyframe_)) && keyframes_[next_keyframe_].read != 0)
-        stale += read_keyframe(next_keyframe_) ? 1 : 0;
+      const auto k = static_cast<std::int32_t>(next_keyframe_);
+      if (keyframe_places_.alive(k)) {
+        if (keyframes_[next_keyframe_].read != 0)
+          stale += read_keyframe(next_keyframe_) ? 1 : 0;
+        else if (!user_traits::alive(map_, keyframes_[next_keyframe_].name))
+          lose_keyframe(next_keyframe_);
+      }
     }
     return stale;
   }
@@ -268,8 +284,15 @@ class map_mirror {
     auto& entry = keyframes_[k];
     keyframe_numbers_.erase(entry.id);
     keyframe_places_.retire(static_cast<std::int32_t>(k));
-    for (std::size_t i = 0; i < entry.slots.size(); ++i) forget(entry.slots[i]);
-    entry.slots.clear(), entry.keypoints.clear();
+    for (const point p : entry.slots) forget(p);
+    if (entry.read == 0) {  // its slots do not tell who lists it
+      for (std::size_t p = 1; p < points_.size(); ++p)
+        for (const observation& o : lists_.of(p))
+          if (o.keyframe == static_cast<std::int32_t>(k)) points_[p].read = 0;
+    }
+    plain_vector<map_point_id>().swap(entry.slots);
+    plain_vector<keypoint>().swap(entry.keypoints);
+    entry.has_keypoints = true;  // none
     entry.read = 0;
   }
   /// It is not alive in the user's map: `replacement`, or nothing, is there for it.

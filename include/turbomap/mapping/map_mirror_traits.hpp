@@ -40,12 +40,19 @@ struct map_traits<map_mirror<Map>> {
     m.look_at_pose(m.at(k), m.name(k));  // as the user's map keeps it
   }
   static std::size_t keypoint_count(const mirror& m, keyframe k) { return m.keypoints(m.at(k)).size(); }
-  static turbomap::keypoint keypoint(const mirror& m, keyframe k, std::size_t i) { return m.keypoints(m.at(k))[i]; }
-  static point point_at(const mirror& m, keyframe k, std::size_t i) { return m.ensure(k), of(m, k).slots[i]; }
+  // Of a keyframe that is gone nothing is kept, whoever lists it yet.
+  static turbomap::keypoint keypoint(const mirror& m, keyframe k, std::size_t i) {
+    const auto& all = m.keypoints(m.at(k));
+    return i < all.size() ? all[i] : turbomap::keypoint{};
+  }
+  static point point_at(const mirror& m, keyframe k, std::size_t i) {
+    m.ensure(k);
+    return i < of(m, k).slots.size() ? of(m, k).slots[i] : point{};
+  }
   static void set_point(mirror& m, keyframe k, std::size_t i, point p) {
     m.ensure(k);
     user::set_point(m.map(), m.name(k), i, m.name(p));
-    of(m, k).slots[i] = p;
+    if (i < of(m, k).slots.size()) of(m, k).slots[i] = p;
   }
   static void erase_keyframe(mirror& m, keyframe k) {
     user::erase_keyframe(m.map(), m.name(k));
