@@ -255,9 +255,9 @@ class local_mapper {
     } else {
       const auto guard = scope_of(mapping_stage::process).guard();
       working_.begin();
-      report_.healed = working_.check_sample(options_.checked_share);
       const stage_keyframe k = working_.number(current);
       working_.take_associations(k);
+      report_.healed = working_.check_sample(options_.checked_share);  // what tracking need not report is known by now
       numbered(watched_);
       probation_.watch(numbers_, iteration_);
       return k;

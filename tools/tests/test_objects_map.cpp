@@ -53,4 +53,34 @@ TEST_CASE("a map of objects and one of arrays become the same to the last bit") 
   }
 }
 
+TEST_CASE("a mapper on a mirror sees what is reported at once, and heals what is not") {
+  mapping_recipe recipe;
+  recipe.seed = 5, recipe.pixel_noise = 0.4, recipe.noisy_bits = 20;
+  auto options = turbomap::local_mapper_options::stereo(0.11, 6, recipe.scales);
+  options.checked_share = 1;  // what is not healed was known
+  const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
+  run_on<turbomap_program::objects_map<pinhole_camera>> run(scene, options);
+  using traits = turbomap::map_traits<turbomap_program::objects_map<pinhole_camera>>;
+  for (int n = 0; n < 6; ++n) CHECK(run.step().healed == 0);
+  turbomap_program::point_ptr p;
+  traits::for_each_point(run.map, [&](const auto& each) {
+    if (traits::alive(run.map, each)) p = each;
+  });
+  REQUIRE(p);
+  const auto move = [&] {
+    auto x = p->position();
+    x.x += 1e-9;
+    traits::set_position(run.map, p, x);
+  };
+  move();
+  CHECK(run.step().healed == 1);
+  CHECK(run.step().healed == 0);
+  move();
+  run.mapper.changed(p);
+  CHECK(run.step().healed == 0);
+  move();
+  run.mapper.refresh();
+  CHECK(run.step().healed == 0);
+}
+
 }  // namespace
