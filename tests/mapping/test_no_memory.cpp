@@ -13,13 +13,29 @@
 #include "local_mapper_cases.hpp"
 #include "support/counted_new.hpp"
 
+namespace turbomap_test {
+
+/// Flat, and mirrored all the same.
+struct mirrored_flat : mapped_by<pinhole_camera> {
+  using mapped_by<pinhole_camera>::mapped_by;
+};
+
+}  // namespace turbomap_test
+
+template <>
+struct turbomap::map_traits<turbomap_test::mirrored_flat>
+    : turbomap::map_traits<turbomap_test::mapped_by<turbomap_test::pinhole_camera>> {
+  static constexpr bool mirrored = true;
+};
+
 namespace {
 
 using namespace turbomap_test;
 using turbomap::mapping_stage;
 using turbomap::stage_outcome;
 using flat = mapped_by<pinhole_camera>;
-using adjusted_run = mapping_run<flat, sequential_policy, turbomap::local_adjustment<flat, sequential_policy>>;
+template <class Map>
+using adjusted_run = mapping_run<Map, sequential_policy, turbomap::local_adjustment<Map, sequential_policy>>;
 
 /// Lets allocation 0, 1, 2... fail until the call succeeds. \return how often it failed
 template <class Call, class Check>
@@ -35,17 +51,18 @@ int fail_everywhere(Call call, Check check) {
   }
 }
 
-TEST_CASE("every allocation of insert and process may fail") {
+TEST_CASE_TEMPLATE("every allocation of insert and process may fail", Map, flat, mirrored_flat) {
   mapping_recipe small = noisy(2);
   small.per_metre = 8, small.clutter = 5;
   auto c = stereo_case(small);
   c.options.neighbours.neighbourhood.min_shared_points = 5;
   c.options.adjustment.min_shared_points = 5;
   c.options.covariances = true;
+  c.options.checked_share = 1;  // of a mirror
   const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
   turbomap::keyframe_store_options store;
   store.chunk_bytes = std::size_t{1} << 16, store.byte_budget = std::size_t{20} << 16;
-  adjusted_run run(scene, c.options, {}, sequential_policy(), store);
+  adjusted_run<Map> run(scene, c.options, {}, sequential_policy(), store);
   run.notes_creation = false;
   int inserting = 0, processing = 0;
   std::size_t adjusted = 0;
@@ -71,6 +88,7 @@ TEST_CASE("every allocation of insert and process may fail") {
     const auto& report = run.mapper.report();
     for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) CHECK(report.outcome.values[s] == stage_outcome::done);
     CHECK(report.refused.empty());
+    CHECK(report.healed == 0);
     adjusted += report.adjustment.solve.accepted > 0 ? 1 : 0;
     run.note();
   }
