@@ -65,6 +65,20 @@ struct key_range {
   Key least, most;
 };
 
+/// The median of a row, by bisection of the values: the least key that `needed` of the row do not exceed. It lies in `range`.
+template <class Key, class Row>
+TURBOMAP_HD Key median_key(const Row& row, const key_range<Key>& range, int needed) {
+  Key low = range.least, high = range.most;
+  while (low < high) {
+    const Key middle = midpoint(low, high);
+    if (row.count(middle) >= needed)
+      high = middle;
+    else
+      low = middle + 1;
+  }
+  return low;
+}
+
 /// Distances of one descriptor to all, stored: `size` of them, a multiple of `step`; those that pad it out are the
 /// largest key. Fixed inner loops, so that they become SIMD at every level of optimisation.
 template <class Key>
@@ -132,14 +146,7 @@ TURBOMAP_HD int least_median(int n, const Rows& rows) {
     const auto row = rows(i);
     const key_range<Key> r = row.range(bound, needed);
     if (r.count < needed) continue;
-    Key low = r.least, high = r.most;
-    while (low < high) {
-      const Key middle = midpoint(low, high);
-      if (row.count(middle) >= needed)
-        high = middle;
-      else
-        low = middle + 1;
-    }
+    const Key low = median_key(row, r, needed);
     medoid = i;
     if (low == std::numeric_limits<Key>::lowest()) break;
     bound = low - 1;

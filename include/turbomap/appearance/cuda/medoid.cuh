@@ -101,14 +101,7 @@ __device__ inline medoid_row<Key> least_median_of_warp(int n, const Descriptors&
     row.compute();
     if (row.count(bound) < needed) continue;
     const key_range<Key> r = row.range(bound);
-    Key low = r.least, high = r.most;
-    while (low < high) {
-      const Key middle = midpoint(low, high);
-      if (row.count(middle) >= needed)
-        high = middle;
-      else
-        low = middle + 1;
-    }
+    const Key low = median_key(row, r, needed);
     best = {low, i};
     if (low == std::numeric_limits<Key>::lowest()) break;
     bound = low - 1;
