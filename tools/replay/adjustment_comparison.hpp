@@ -7,10 +7,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
 #include <vector>
 
+#include <nlohmann/json.hpp>
+
+#include <turbomap/io/timing_table.hpp>
 #include <turbomap/math/linear.hpp>
 #include <turbomap/math/rotation.hpp>
+#include "bundle/solve.hpp"
 #include "readers/recording_snapshot_adjustment.hpp"
 
 namespace turbomap_replay {
@@ -59,5 +66,33 @@ inline double mean_of(const std::vector<double>& v) {
   for (const double x : v) sum += x;
   return v.empty() ? 0 : sum / static_cast<double>(v.size());
 }
+
+/// What adjustments took, ours and the peer's.
+class adjustment_times {
+ public:
+  explicit adjustment_times(const std::filesystem::path& directory) {
+    const auto timing = turbomap::read_timing(directory);
+    if (!timing.empty() && timing.has("ms_lba"))
+      peer_iteration_ = timing.column("iter"), peer_ms_ = timing.column("ms_lba");
+  }
+
+  /// \param ours  a turbomap_bundle::solution
+  template <class Solution>
+  void add(std::int32_t iteration, const Solution& ours) {
+    ms_.push_back(ours.ms_setup + ours.ms_adjust), cpu_ms_.push_back(ours.cpu_ms_setup + ours.cpu_ms_adjust);
+    for (std::size_t row = 0; row < peer_iteration_.size(); ++row)
+      if (peer_iteration_[row] == iteration) peer_at_.push_back(peer_ms_[row]);
+  }
+  /// The peer's only where it is known of each adjustment.
+  void add_json(nlohmann::json& json) const {
+    using turbomap_bundle::median;
+    json["ms_median"] = median(ms_), json["ms_mean"] = mean_of(ms_), json["cpu_ms_mean"] = mean_of(cpu_ms_);
+    if (peer_at_.size() == ms_.size())
+      json["peer_ms_median"] = median(peer_at_), json["peer_ms_mean"] = mean_of(peer_at_);
+  }
+
+ private:
+  std::vector<double> ms_, cpu_ms_, peer_iteration_, peer_ms_, peer_at_;
+};
 
 }  // namespace turbomap_replay

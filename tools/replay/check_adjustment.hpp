@@ -39,11 +39,12 @@ class adjustment_check {
   /// \param repeat  adjustments of each problem, to time them
   adjustment_check(const turbomap::recording& recording, const std::filesystem::path& directory, const Policy& policy,
                    turbomap::precision numbers = turbomap::precision::float64, int repeat = 3)
-      : recording_(recording), directory_(directory), policy_(policy), numbers_(numbers), repeat_(repeat) {
-    const auto timing = turbomap::read_timing(directory);
-    if (!timing.empty() && timing.has("ms_lba"))
-      peer_iteration_ = timing.column("iter"), peer_ms_ = timing.column("ms_lba");
-  }
+      : recording_(recording),
+        directory_(directory),
+        policy_(policy),
+        numbers_(numbers),
+        repeat_(repeat),
+        times_(directory) {}
 
   /// Reads the adjustment of an iteration; one that is not there, or inertial, is left out.
   void check(std::int32_t iteration) {
@@ -70,9 +71,7 @@ class adjustment_check {
     if (!(ratio <= bounds_.worst_cost_ratio))
       std::printf("adjustment: snapshot %d: cost %.9g of the peer's\n", iteration, ratio);
     count_outliers(*s, our_costs);
-    ms_.push_back(ours.ms_setup + ours.ms_adjust), cpu_ms_.push_back(ours.cpu_ms_setup + ours.cpu_ms_adjust);
-    for (std::size_t row = 0; row < peer_iteration_.size(); ++row)
-      if (peer_iteration_[row] == iteration) peer_at_.push_back(peer_ms_[row]);
+    times_.add(iteration, ours);
   }
 
   bool empty() const { return ratios_.empty(); }
@@ -87,12 +86,8 @@ class adjustment_check {
                           {"pose_median_m", median(metres_)},
                           {"pose_median_rad", median(radians_)},
                           {"outlier_agree", outlier_agree()},
-                          {"outliers", either_},
-                          {"ms_median", median(ms_)},
-                          {"ms_mean", mean_of(ms_)},
-                          {"cpu_ms_mean", mean_of(cpu_ms_)}};
-    if (peer_at_.size() != ratios_.size()) return;
-    json["adjustment"]["peer_ms_median"] = median(peer_at_), json["adjustment"]["peer_ms_mean"] = mean_of(peer_at_);
+                          {"outliers", either_}};
+    times_.add_json(json["adjustment"]);
   }
   bool good() const {
     using turbomap_bundle::median;
@@ -118,8 +113,9 @@ class adjustment_check {
   Policy policy_;
   turbomap::precision numbers_;
   int repeat_;
+  adjustment_times times_;
   adjustment_bounds bounds_;
-  std::vector<double> ratios_, metres_, radians_, ms_, cpu_ms_, peer_iteration_, peer_ms_, peer_at_;
+  std::vector<double> ratios_, metres_, radians_;
   std::size_t both_ = 0, either_ = 0;
 };
 

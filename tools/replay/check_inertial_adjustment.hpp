@@ -39,11 +39,13 @@ class inertial_adjustment_check {
   inertial_adjustment_check(const turbomap::recording& recording, const std::filesystem::path& directory,
                             const Policy& policy, turbomap::precision numbers = turbomap::precision::float64,
                             int repeat = 3)
-      : recording_(recording), directory_(directory), policy_(policy), numbers_(numbers), repeat_(repeat) {
+      : recording_(recording),
+        directory_(directory),
+        policy_(policy),
+        numbers_(numbers),
+        repeat_(repeat),
+        times_(directory) {
     if (numbers_ == turbomap::precision::float32) numbers_ = turbomap::precision::mixed;  // what is compiled
-    const auto timing = turbomap::read_timing(directory);
-    if (!timing.empty() && timing.has("ms_lba"))
-      peer_iteration_ = timing.column("iter"), peer_ms_ = timing.column("ms_lba");
   }
 
   /// Reads the adjustment of an iteration; one that is not there, or not inertial, is left out.
@@ -81,9 +83,7 @@ class inertial_adjustment_check {
     ratios_.push_back(ratio);
     if (!(ratio <= bounds_.worst_cost_ratio))
       std::printf("inertial adjustment: snapshot %d: cost %.9g of the peer's\n", iteration, ratio);
-    ms_.push_back(ours.ms_setup + ours.ms_adjust), cpu_ms_.push_back(ours.cpu_ms_setup + ours.cpu_ms_adjust);
-    for (std::size_t row = 0; row < peer_iteration_.size(); ++row)
-      if (peer_iteration_[row] == iteration) peer_at_.push_back(peer_ms_[row]);
+    times_.add(iteration, ours);
   }
 
   bool empty() const { return ratios_.empty(); }
@@ -97,11 +97,8 @@ class inertial_adjustment_check {
                                    {"cost_ratio_median", median(ratios_)},
                                    {"pose_max_m", largest_of(metres_)},
                                    {"pose_max_rad", largest_of(radians_)},
-                                   {"velocity_max", largest_of(velocities_)},
-                                   {"ms_median", median(ms_)},
-                                   {"ms_mean", mean_of(ms_)},
-                                   {"cpu_ms_mean", mean_of(cpu_ms_)}};
-    if (peer_at_.size() == ratios_.size()) json["inertial_adjustment"]["peer_ms_mean"] = mean_of(peer_at_);
+                                   {"velocity_max", largest_of(velocities_)}};
+    times_.add_json(json["inertial_adjustment"]);
   }
   bool good() const {
     return unusable_ == 0 && largest_of(ratios_) <= bounds_.worst_cost_ratio &&
@@ -136,9 +133,9 @@ class inertial_adjustment_check {
   Policy policy_;
   turbomap::precision numbers_;
   int repeat_;
+  adjustment_times times_;
   inertial_adjustment_bounds bounds_;
-  std::vector<double> before_, ratios_, metres_, radians_, velocities_, ms_, cpu_ms_;
-  std::vector<double> peer_iteration_, peer_ms_, peer_at_;
+  std::vector<double> before_, ratios_, metres_, radians_, velocities_;
   std::size_t unusable_ = 0;
 };
 
