@@ -23,7 +23,7 @@ namespace sim = turbomap::simulation;
 
 struct arguments {
   std::string trajectory, camera = "euroc", out;
-  bool mono = false;
+  bool mono = false, uninitialised = false;
   double noise_px = -1, disparity_noise_px = -1;  ///< negative: not given
   sim::simulation_options options;
 };
@@ -48,6 +48,7 @@ void run(const arguments& args, int features) {
   set_noise(args, rig);
   if (features > 0) rig.features = features;
   auto options = args.options;
+  options.imu_initialised = !args.uninitialised;
   if (args.trajectory == "corridor") options.scene.ahead = 60;  // or the last keyframes would see its end
   const auto poses = sim::trajectory(args.trajectory, args.options.motion, rig.cameras[0].T_bc);
   const turbomap::recording r = sim::simulate(poses, rig, options);
@@ -80,7 +81,12 @@ int main(int argc, char** argv) {
   app.add_option("--camera", args.camera, "euroc, tum-vi, or a Kalibr calibration FILE.yaml")->capture_default_str();
   app.add_option("--out", args.out, "Directory of the recording")->required();
   app.add_option("--seed", o.seed, "The same seed gives the same recording")->capture_default_str();
-  app.add_flag("--imu", o.imu, "Inertial data too; the world then has gravity along -z");
+  auto* imu = app.add_flag("--imu", o.imu, "Inertial data too; the world then has gravity along -z");
+  app.add_flag(
+         "--uninitialised", args.uninitialised,
+         "As by a system whose IMU is not initialised: no velocities and biases, the world is the first camera's, "
+         "with --mono in a unit of its own")
+      ->needs(imu);
   app.add_flag("--mono", args.mono, "Only the left camera, no stereo");
   app.add_option("--keyframes", o.motion.most_keyframes, "Stop after so many (0: all the way)")
       ->check(CLI::Range(0, 1000000000));

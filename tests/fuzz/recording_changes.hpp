@@ -30,6 +30,7 @@ class recording_files {
     turbomap::recording r = turbomap_test::small_recording(fisheye);
     r.sim_point_id.assign(r.kp_xy.size(), 0), r.sim_track_id.assign(r.kp_xy.size(), -1);  // every array is there
     r.sim_point_xyz = {{1, 2, 3}}, r.sim_point_normal = {{0, 0, -1}}, r.sim_T_cw_true = r.T_cw;
+    r.sim_velocity_true = r.velocity, r.sim_bias_true = r.bias;
     turbomap::write_recording(folder, r);
     read_files();
   }

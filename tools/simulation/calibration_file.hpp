@@ -95,7 +95,26 @@ inline simulated_camera camera_of(const std::filesystem::path& file, const std::
   return camera;
 }
 
-/// Reads cam0 and, if there, cam1. Two pinholes become a rectified pair with cam0's intrinsics and their distance as
+/// The noise of an `imu0:` block, as Kalibr's imu.yaml has it; keys that are not there keep EuRoC's values. The start of
+/// the biases has no key in Kalibr: ours are gyroscope_bias and accelerometer_bias.
+inline imu_noise noise_of(const std::filesystem::path& file, calibration_block& block) {
+  imu_noise noise;
+  const auto take = [&](const char* key, double& value, double least) {
+    const auto found = block.numbers.find(key);
+    if (found == block.numbers.end()) return;
+    if (found->second.size() != 1 || !(found->second[0] >= least && found->second[0] <= 1e4))
+      throw bad_file("turbomap: " + file.string() + ": imu0: " + key + " needs one number from " + printed(least) +
+                     " to 10000");
+    value = found->second[0];
+  };
+  take("gyroscope_noise_density", noise.gyro, 0), take("accelerometer_noise_density", noise.acceleration, 0);
+  take("gyroscope_random_walk", noise.gyro_walk, 0), take("accelerometer_random_walk", noise.acceleration_walk, 0);
+  take("gyroscope_bias", noise.gyro_bias, 0), take("accelerometer_bias", noise.acceleration_bias, 0);
+  take("update_rate", noise.rate_hz, 1);
+  return noise;
+}
+
+/// Reads cam0 and, if there, cam1 and imu0. Two pinholes become a rectified pair with cam0's intrinsics and their distance as
 /// baseline; two fisheye cameras stay two. Throws bad_file naming file, camera and reason.
 inline simulated_rig read_rig(const std::filesystem::path& file) {
   auto blocks = read_calibration_blocks(file);
@@ -109,6 +128,7 @@ inline simulated_rig read_rig(const std::filesystem::path& file) {
     rig.baseline = (rig.cameras[0].T_bc.inverse() * second.T_bc).translation().norm();
     if (second.is_fisheye()) rig.cameras.push_back(second);
   }
+  if (blocks.count("imu0") != 0) rig.imu = noise_of(file, blocks["imu0"]);
   if (rig.cameras[0].is_fisheye()) rig.features = 1000, rig.noise_px = fisheye_noise_px;
   rig.close_depth = 40 * rig.baseline;
   return rig;

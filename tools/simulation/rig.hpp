@@ -46,11 +46,13 @@ struct simulated_camera {
   }
 };
 
-/// Continuous-time noise of an inertial sensor, per square root of Hz.
+/// Noise of an inertial sensor: densities per square root of Hz, EuRoC's (sensor.yaml).
 struct imu_noise {
   double gyro = 1.6968e-4, acceleration = 2e-3;            ///< rad/s, m/s^2
   double gyro_walk = 1.9393e-5, acceleration_walk = 3e-3;  ///< rad/s^2, m/s^3
   double rate_hz = 200;
+  /// Standard deviations of the biases at the start, rad/s and m/s^2. As large as those in EuRoC's ground truth.
+  double gyro_bias = 0.04, acceleration_bias = 0.1;
 };
 
 struct simulated_rig {

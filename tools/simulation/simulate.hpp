@@ -17,6 +17,7 @@
 #include <turbomap/io/recording_writer.hpp>
 
 #include "descriptors.hpp"
+#include "inertial_sensor.hpp"
 #include "motion.hpp"
 #include "observer.hpp"
 #include "rig.hpp"
@@ -29,7 +30,13 @@ struct simulation_options {
   std::uint64_t seed = 1;
   std::size_t points = 0;  ///< scene points; 0: so many that an image shows `density` times its keypoints
   double density = 1.5;
-  bool imu = false;  ///< inertial data; then the recording's world has gravity along -z
+  bool imu = false;  ///< inertial data
+  /// The IMU of the recorded system was initialised from the start: the recording's world has gravity along -z, and its
+  /// keyframes have velocities and biases (the true ones). False: never; as in a visual recording, the world is the first
+  /// keyframe's camera frame, without stereo in a unit of its own.
+  bool imu_initialised = true;
+  /// Length of that unit, m: a system without stereo and IMU does not know it. As long as the mean depth in the room.
+  double monocular_unit = 2.5;
   motion_options motion;
   scene_options scene;
   descriptor_options descriptors;
@@ -108,8 +115,28 @@ inline std::vector<scene_point> make_points(const scene& scene, const simulated_
   return points;
 }
 
+/// The recording's world: T_rw, and what a metre is in it.
+struct recorded_world {
+  Eigen::Isometry3d T_rw = Eigen::Isometry3d::Identity();
+  double metre = 1;
+
+  rigid_transform<float> pose(Eigen::Isometry3d T_cr) const {
+    T_cr.translation() *= metre;
+    return to_float(T_cr);
+  }
+};
+
+inline recorded_world make_world(const simulated_rig& rig, const simulation_options& options,
+                                 const Eigen::Isometry3d& first_T_wc) {
+  recorded_world w;
+  if (options.imu && options.imu_initialised) return w;
+  w.T_rw = first_T_wc.inverse();
+  if (options.imu && rig.baseline == 0) w.metre = 1 / options.monocular_unit;
+  return w;
+}
+
 /// Makes a recording along `poses` (body in world). Throws std::invalid_argument when they are too few or too short in
-/// time. The recording's world is the first keyframe's camera frame, or with inertial data the poses' own.
+/// time. The recording's world is the first keyframe's camera frame, or with an initialised IMU the poses' own.
 inline recording simulate(const std::vector<stamped_pose>& poses, const simulated_rig& rig,
                           const simulation_options& options) {
   const motion_spline motion(poses, options.motion.knot_seconds);
@@ -130,7 +157,8 @@ inline recording simulate(const std::vector<stamped_pose>& poses, const simulate
   for (std::size_t i = 0; i < T_wb.size(); ++i) seen.push_back(see.observe(i, T_wb[i]));
 
   const Eigen::Isometry3d T_bc = rig.cameras[0].T_bc;
-  const Eigen::Isometry3d T_rw = options.imu ? Eigen::Isometry3d::Identity() : (T_wb[0] * T_bc).inverse();
+  const recorded_world world = make_world(rig, options, T_wb[0] * T_bc);
+  const Eigen::Isometry3d& T_rw = world.T_rw;
   imu_record imu;
   if (options.imu) imu = simulate_imu(motion, plan.frames.front().t_ns, plan.frames.back().t_ns, rig.imu, options.seed);
   recorder record(make_meta(rig, options));
@@ -140,28 +168,33 @@ inline recording simulate(const std::vector<stamped_pose>& poses, const simulate
     const Eigen::Isometry3d T_cw = (T_wb[i] * T_bc).inverse(), T_rc = T_rw * drifting[i] * T_bc;
     for (std::size_t p = 0; p < points.size(); ++p) in_camera[p] = T_cw * points[p].position;
     const auto* next = i == 0 && rig.baseline == 0 && seen.size() > 1 ? &seen[1] : nullptr;
-    const auto found = tracking.track(static_cast<std::int32_t>(i), seen[i], T_rc, in_camera, next);
+    auto found = tracking.track(static_cast<std::int32_t>(i), seen[i], T_rc, in_camera, next);
+    const auto metre = static_cast<float>(world.metre);
+    for (auto& a : found.associations) a.position.x *= metre, a.position.y *= metre, a.position.z *= metre;
     const timed_body& now = plan.frames[plan.keyframes[i]];
     keyframe_record k;
     k.t_ns = now.t_ns, k.frame_id = now.frame, k.previous = static_cast<std::int32_t>(i) - 1;
-    k.T_cw = to_float(T_rc.inverse());
+    k.T_cw = world.pose(T_rc.inverse());
     k.keypoints = seen[i].keypoints, k.descriptors = seen[i].descriptors, k.stereo_partner = seen[i].stereo_partner;
     k.associations = found.associations, k.recent = found.recent;
     if (options.imu) {
       const auto sample = std::upper_bound(imu.t_ns.begin(), imu.t_ns.end(), now.t_ns) - imu.t_ns.begin() - 1;
-      std::transform(imu.bias[static_cast<std::size_t>(sample)].begin(),
-                     imu.bias[static_cast<std::size_t>(sample)].end(), k.bias.begin(),
-                     [](double b) { return static_cast<float>(b); });
-      k.velocity = to_float(now.body.velocity), k.imu_initialized = true;
+      const auto& bias = imu.bias[static_cast<std::size_t>(sample)];
+      std::array<float, 6> truth;
+      std::transform(bias.begin(), bias.end(), truth.begin(), [](double b) { return static_cast<float>(b); });
+      record.data().sim_velocity_true.push_back(to_float(T_rw.linear() * now.body.velocity));
+      record.data().sim_bias_true.push_back(truth);
+      if (options.imu_initialised)
+        k.velocity = record.data().sim_velocity_true.back(), k.bias = truth, k.imu_initialized = true;
     }
     record.add(k);
-    record.data().sim_T_cw_true.push_back(to_float((T_rw * T_wb[i] * T_bc).inverse()));
+    record.data().sim_T_cw_true.push_back(world.pose((T_rw * T_wb[i] * T_bc).inverse()));
     record.data().sim_point_id.insert(record.data().sim_point_id.end(), seen[i].point.begin(), seen[i].point.end());
   }
   for (const auto& of_keyframe : tracking.point_of())
     record.data().sim_track_id.insert(record.data().sim_track_id.end(), of_keyframe.begin(), of_keyframe.end());
   for (const scene_point& p : points) {
-    record.data().sim_point_xyz.push_back(to_float(T_rw * p.position));
+    record.data().sim_point_xyz.push_back(to_float(world.metre * (T_rw * p.position)));
     record.data().sim_point_normal.push_back(to_float(Eigen::Vector3d(T_rw.linear() * p.normal)));
   }
   for (std::size_t s = 0; s < imu.t_ns.size(); ++s) record.add_imu(imu.t_ns[s], imu.samples[s]);

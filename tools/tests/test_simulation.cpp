@@ -17,6 +17,11 @@
 
 #include <doctest/doctest.h>
 
+#include <turbomap/inertial/inertial_residual.hpp>
+#include <turbomap/inertial/predict.hpp>
+#include <turbomap/inertial/preintegrate.hpp>
+#include <turbomap/io/trajectory_error.hpp>
+
 #include "support/files.hpp"
 
 namespace sim = turbomap::simulation;
@@ -391,30 +396,128 @@ TEST_CASE("a monocular map begins with two views that have parallax, a stereo ma
   CHECK((two[1].p_wb - two[0].p_wb).norm() < 0.01);
 }
 
-TEST_CASE("inertial data integrate to the motion") {
+namespace {
+
+/// How far integrated samples are from the motion after `seconds`: rotation (rad), velocity (m/s), position (m).
+struct integration_error {
+  double rotation, velocity, position;
+};
+integration_error integrated(const sim::motion_spline& motion, double rate_hz, double seconds,
+                             turbomap::integration_rule rule) {
+  sim::imu_noise none;
+  none.gyro = none.acceleration = none.gyro_walk = none.acceleration_walk = 0, none.rate_hz = rate_hz;
+  const std::int64_t begin = motion.begin_ns(), end = begin + static_cast<std::int64_t>(seconds * 1e9);
+  const sim::imu_record imu = sim::simulate_imu(motion, begin, end, none, 1);
+  turbomap::preintegration_options options;
+  options.rule = rule;
+  const turbomap::imu_samples samples{imu.t_ns, imu.samples};
+  const auto& b = imu.bias[0];  // no walk
+  const auto p = turbomap::preintegrate(samples, turbomap::find_interval(samples, begin, end),
+                                        turbomap::imu_bias<double>{{b[0], b[1], b[2]}, {b[3], b[4], b[5]}}, options);
+  const auto state = [&](std::int64_t t) {
+    const sim::body_state s = motion.at(t);
+    const Eigen::Quaterniond q = s.R_wb.conjugate();
+    const Eigen::Vector3d at = -(q * s.p_wb);
+    turbomap::inertial_state<double> x;
+    x.T_cw = {q.x(), q.y(), q.z(), q.w(), at.x(), at.y(), at.z()};
+    x.velocity = {s.velocity.x(), s.velocity.y(), s.velocity.z()};
+    return x;
+  };
+  turbomap::inertial_state<double> from = state(begin);
+  from.bias = p.bias;
+  const auto reached = turbomap::predict(from, p, {0, 0, -sim::gravity}), truth = state(end);
+  const auto T = turbomap::to_isometry<double>(reached.T_cw), U = turbomap::to_isometry<double>(truth.T_cw);
+  return {turbomap::norm(turbomap::rotation_log(turbomap::transpose(T.R) * U.R)),
+          turbomap::norm(reached.velocity - truth.velocity),
+          turbomap::norm(turbomap::camera_centre(T) - turbomap::camera_centre(U))};
+}
+
+}  // namespace
+
+TEST_CASE("inertial data without noise integrate to the motion, to the order of the integrator") {
+  const sim::motion_spline motion(sim::builtin_trajectory(sim::euroc_rig().cameras[0].T_bc), 0.1);
+  using turbomap::integration_rule;
+  for (const double seconds : {1.0, 5.0}) {
+    const auto a = integrated(motion, 100, seconds, integration_rule::midpoint),
+               b = integrated(motion, 200, seconds, integration_rule::midpoint),
+               c = integrated(motion, 200, seconds, integration_rule::first_order);
+    MESSAGE(seconds << " s at 200 Hz: rotation " << b.rotation << ", velocity " << b.velocity << ", position "
+                    << b.position << "; by the first order " << c.velocity << ", " << c.position);
+    // Second order: twice the rate, a quarter of the error.
+    CHECK(a.rotation > 3.5 * b.rotation);
+    CHECK(a.velocity > 3.5 * b.velocity);
+    CHECK(a.position > 3.5 * b.position);
+    CHECK(b.rotation < 1e-5 * seconds);
+    CHECK(b.velocity < 1e-4 * seconds);
+    CHECK(b.position < 1e-4 * seconds * seconds);
+    CHECK(c.velocity > 10 * b.velocity);
+  }
+}
+
+TEST_CASE("an inertial recording has the truth beside it, and its samples agree with it") {
   const recording& r = tum_vi();
   REQUIRE(r.has_imu());
-  const auto start =
-      static_cast<std::size_t>(std::lower_bound(r.imu_t_ns.begin(), r.imu_t_ns.end(), r.t_ns[1]) - r.imu_t_ns.begin());
-  const auto end =
-      static_cast<std::size_t>(std::lower_bound(r.imu_t_ns.begin(), r.imu_t_ns.end(), r.t_ns[6]) - r.imu_t_ns.begin());
-  CHECK(r.imu_t_ns[start] == r.t_ns[1]);
-  const Eigen::Isometry3d T_bc = isometry(r.meta.T_bc);
-  const auto body = [&](std::size_t i) { return isometry(r.sim_T_cw_true[i]).inverse() * T_bc.inverse(); };
-  Eigen::Quaterniond R(body(1).linear());
-  Eigen::Vector3d v = vector(r.velocity[1]);
-  const double dt = 1.0 / 200;
-  for (std::size_t s = start; s < end; ++s) {
-    const auto &a = r.imu[s], &b = r.imu[s + 1];  // midpoints
-    const Eigen::Vector3d w(0.5 * (a.gyro.x + b.gyro.x), 0.5 * (a.gyro.y + b.gyro.y), 0.5 * (a.gyro.z + b.gyro.z));
-    const Eigen::Vector3d f(0.5 * (a.acceleration.x + b.acceleration.x), 0.5 * (a.acceleration.y + b.acceleration.y),
-                            0.5 * (a.acceleration.z + b.acceleration.z));
-    const Eigen::Quaterniond half = R * sim::exp_so3(w * (dt / 2));
-    v += dt * (half * f - Eigen::Vector3d(0, 0, 9.81));
-    R = R * sim::exp_so3(w * dt);
+  REQUIRE(r.sim_velocity_true.size() == r.keyframe_count());
+  REQUIRE(r.sim_bias_true.size() == r.keyframe_count());
+  const turbomap::imu_samples samples{r.imu_t_ns, r.imu};
+  turbomap::preintegration_options options;
+  const sim::imu_noise noise = sim::tum_vi_rig().imu;
+  options.noise = {noise.gyro, noise.acceleration, noise.gyro_walk, noise.acceleration_walk, 0};
+  const auto state = [&](std::size_t i) {
+    const auto& b = r.sim_bias_true[i];
+    const auto v = turbomap::cast<double>(r.sim_velocity_true[i]);
+    return turbomap::inertial_state<double>{
+        turbomap::normalised(turbomap::cast<double>(r.sim_T_cw_true[i])), v, {{b[0], b[1], b[2]}, {b[3], b[4], b[5]}}};
+  };
+  CHECK(std::abs(r.sim_bias_true[0][0]) > 1e-4);
+  for (std::size_t i = 0; i + 1 < r.keyframe_count(); ++i) {
+    const auto from = state(i), to = state(i + 1);
+    const auto p =
+        turbomap::preintegrate(samples, turbomap::find_interval(samples, r.t_ns[i], r.t_ns[i + 1]), from.bias, options);
+    double e[9], W[81];
+    turbomap::inertial_residual(p, turbomap::to_isometry<double>(r.meta.T_bc), from, to, {0, 0, -sim::gravity}, e);
+    REQUIRE(turbomap::inertial_whitening(p, W));
+    double chi2 = 0;
+    for (int row = 0; row < 9; ++row) {
+      double w = 0;
+      for (int k = 0; k <= row; ++k) w += W[9 * row + k] * e[k];
+      chi2 += w * w;
+    }
+    CHECK(chi2 < 40);  // nine degrees of freedom; more than 33.7 once in 10,000
   }
-  CHECK(R.angularDistance(Eigen::Quaterniond(body(6).linear())) < 5e-3);
-  CHECK((v - vector(r.velocity[6])).norm() < 0.03);
+}
+
+TEST_CASE("a recording of a system whose IMU is not initialised: another world, without stereo another unit") {
+  sim::simulation_options options;
+  options.motion.most_keyframes = 5, options.imu = true, options.imu_initialised = false;
+  for (const bool mono : {false, true}) {
+    const sim::simulated_rig rig = mono ? sim::monocular(sim::euroc_rig()) : sim::euroc_rig();
+    const auto r = sim::simulate(sim::builtin_trajectory(rig.cameras[0].T_bc), rig, options);
+    CHECK(r.meta.sensor == "inertial");
+    CHECK((r.meta.bf == 0) == mono);
+    CHECK(*std::max_element(r.bimu.begin(), r.bimu.end()) == 0);
+    CHECK((isometry(r.sim_T_cw_true[0]).matrix() - Eigen::Matrix4d::Identity()).norm() < 1e-6);
+    const auto length = [&](const auto& T) { return (isometry(T[4]).inverse().translation()).norm(); };
+    const auto centre = [&](std::size_t i) {
+      const auto c = turbomap::true_camera_centre(r, r.t_ns[i]);
+      return Eigen::Vector3d(c.x, c.y, c.z);
+    };
+    const double metres = (centre(4) - centre(0)).norm(), unit = mono ? options.monocular_unit : 1;
+    CHECK(length(r.sim_T_cw_true) == doctest::Approx(metres / unit).epsilon(1e-5));
+    CHECK(length(r.T_cw) == doctest::Approx(metres / unit).epsilon(0.02));
+    // Points of associations are in the same unit: they project to where their keypoints are.
+    std::vector<double> off;
+    for (std::size_t a = r.associations(1).begin; a < r.associations(1).end; ++a) {
+      Eigen::Vector2d pixel;
+      const auto& p = r.kp_xy[r.keypoints(1).begin + static_cast<std::size_t>(r.assoc_kp[a])];
+      if (rig.cameras[0].project(isometry(r.T_cw[1]) * vector(r.assoc_pos[a]), pixel))
+        off.push_back((pixel - Eigen::Vector2d(p.x, p.y)).norm());
+    }
+    CHECK(median(off) < 3);
+    const Eigen::Vector3d v = vector(r.sim_velocity_true[2]);
+    CHECK(v.norm() > 0.1);  // m/s, whatever the unit
+    CHECK(v.norm() < 3);
+  }
 }
 
 TEST_CASE("a calibration file gives a rig, or is refused by name") {
@@ -438,9 +541,17 @@ TEST_CASE("a calibration file gives a rig, or is refused by name") {
   const auto stereo = rig("cam0:\n" + T + rest + "cam1:\n" + right + rest);
   CHECK(stereo.rectified());
   CHECK(rig("cam0:\n" + T + rest).baseline == 0);
+  const auto imu = rig("cam0:\n" + T + rest + "imu0:\n  accelerometer_noise_density: 0.01\n  update_rate: 400.0 #Hz\n");
+  CHECK(imu.imu.acceleration == 0.01);
+  CHECK(imu.imu.rate_hz == 400);
+  CHECK(imu.imu.gyro == sim::imu_noise{}.gyro);
   const auto error = [&](const std::string& text) { return turbomap_test::bad_file_message([&] { rig(text); }); };
   CHECK(turbomap_test::has(error("cam1:\n" + T + rest), "there is no cam0"));
   CHECK(turbomap_test::has(error("cam0:\n" + T), "cam0: intrinsics needs 4 numbers"));
   CHECK(turbomap_test::has(error("cam0:\n" + rest), "cam0: T_imu_cam needs 16"));
   CHECK(turbomap_test::has(error("cam0:\n" + T + rest + "  distortion_model: spline\n"), "'spline'"));
+  const std::string no_rate = "imu0:\n  update_rate: 0\n", two = "imu0:\n  gyroscope_random_walk: [1e-5, 2e-5]\n";
+  CHECK(
+      turbomap_test::has(error("cam0:\n" + T + rest + no_rate), "imu0: update_rate needs one number from 1 to 10000"));
+  CHECK(turbomap_test::has(error("cam0:\n" + T + rest + two), "imu0: gyroscope_random_walk"));
 }

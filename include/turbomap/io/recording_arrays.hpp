@@ -104,6 +104,8 @@ void visit_arrays(Recording& r, Visit&& visit) {
   visit("sim_point_xyz", r.sim_point_xyz, rows::scene_points, optional);
   visit("sim_point_normal", r.sim_point_normal, rows::scene_points, optional);
   visit("sim_Tcw_true", r.sim_T_cw_true, rows::keyframes, optional);
+  visit("sim_vel_true", r.sim_velocity_true, rows::keyframes, optional);
+  visit("sim_bias_true", r.sim_bias_true, rows::keyframes, optional);
 }
 
 TURBOMAP_END_NAMESPACE

@@ -139,6 +139,8 @@ struct recording {
       sim_track_id;  ///< per keypoint: tracking's map point, -1: none; two of one scene point are duplicates
   std::vector<vec3<float>> sim_point_xyz, sim_point_normal;  ///< per scene point; unit normals out of the surface
   std::vector<rigid_transform<float>> sim_T_cw_true;         ///< per keyframe
+  std::vector<vec3<float>> sim_velocity_true;       ///< per keyframe of an inertial run: of the IMU in the world, m/s
+  std::vector<std::array<float, 6>> sim_bias_true;  ///< ... as `bias`
 
   std::size_t keyframe_count() const { return t_ns.size(); }
   bool has_imu() const { return !imu.empty(); }

@@ -150,6 +150,7 @@ inline void check_row_counts(const recording& r, const array_checks& check) {
   together("sim_track_id", !r.sim_track_id.empty(), r.is_simulated());
   together("sim_point_normal", !r.sim_point_normal.empty(), !r.sim_point_xyz.empty());
   together("sim_Tcw_true", !r.sim_T_cw_true.empty(), r.is_simulated());
+  together("sim_bias_true", !r.sim_bias_true.empty(), !r.sim_velocity_true.empty());
   check.offsets("log_kp_off", r.kp_off, r.kp_xy.size());
   check.offsets("log_assoc_off", r.assoc_off, r.assoc_kp.size());
   check.offsets("log_recent_off", r.recent_off, r.recent_ref.size());
