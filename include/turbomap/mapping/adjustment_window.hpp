@@ -86,7 +86,7 @@ class adjustment_window {
     return {x.x, x.y, x.z};
   }
 
- private:
+ protected:
   static bool is_origin([[maybe_unused]] const Map& map, [[maybe_unused]] keyframe k) {
     if constexpr (detail::map_has_v<Map, detail::map_origin_member>)
       return traits::is_origin(map, k);
@@ -125,13 +125,15 @@ class adjustment_window {
     fixed_[oldest] = 1;
   }
 
-  covisibility<Map> covisibility_;
   keyframe_selection<Map> frames_;
   plain_vector<std::uint8_t> fixed_;
   point_numbering<Map> point_numbers_;
   list_of<point> points_;
   plain_vector<vec3<double>> positions_;
   plain_vector<std::int32_t> rows_frame_, rows_landmark_, rows_keypoint_;
+
+ private:
+  covisibility<Map> covisibility_;
 };
 
 TURBOMAP_END_NAMESPACE

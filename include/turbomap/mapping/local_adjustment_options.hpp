@@ -20,8 +20,12 @@ struct local_adjustment_options {
   /// Keyframes that share so many with one of those move too: where a place is seen again, the error of the way there is
   /// spread over more keyframes. 0: none [ORB-SLAM3].
   int second_min_shared_points = 0;
-  double mono_chi2 = 5.991;       ///< Huber's delta^2, and outlier beyond it: 95 %, 2 dof
-  double stereo_chi2 = 7.815;     ///< 95 %, 3 dof
+  double mono_chi2 = 5.991;    ///< Huber's delta^2, and outlier beyond it: 95 %, 2 dof
+  double stereo_chi2 = 7.815;  ///< 95 %, 3 dof
+  /// Observations without u_right of points nearer than this (m) are outliers beyond near_mono_factor times mono_chi2 only. 0:
+  /// none [ORB-SLAM3; inertial: 10 m]
+  double near_depth = 0;
+  double near_mono_factor = 1.5;  ///< [ORB-SLAM3, inertial]
   double stereo_correlation = 0;  ///< of the errors of u and u_right: see reprojections; 0 [ORB-SLAM3]
   int fewest_measurements = 2;    ///< a point dies when outliers leave it so many measurements or fewer
   /// A result of more points than this, an outlier counting as four, is written in parts of this size, so that others may enter

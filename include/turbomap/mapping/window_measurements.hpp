@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <cstring>
 
+#include "../adjustment/factors.hpp"
 #include "../adjustment/gather_measurements.hpp"
 #include "../array.hpp"
 #include "../camera/rig.hpp"
@@ -20,6 +21,7 @@
 #include "../plain_vector.hpp"
 #include "adjustment_window.hpp"
 #include "in_pieces.hpp"
+#include "local_adjustment_options.hpp"
 #include "stage.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -46,6 +48,17 @@ class window_measurements {
       const std::size_t camera = first_camera_[static_cast<std::size_t>(window.frame_of_row()[r])] + camera_[r];
       camera_[r] = static_cast<std::uint8_t>(camera);
     }
+  }
+
+  /// The rows of the window as an adjustment takes them, with Huber kernels: views of this and of the window.
+  reprojections<camera> rows(const adjustment_window<Map>& window, const local_adjustment_options& options) const {
+    reprojections<camera> rows;
+    rows.rig = cameras();
+    rows.frame = window.frame_of_row(), rows.landmark = window.landmark_of_row();
+    rows.pixel = pixel_, rows.information = information_, rows.camera = camera_;
+    rows.stereo_correlation = options.stereo_correlation;
+    rows.mono_kernel.delta2 = options.mono_chi2, rows.stereo_kernel.delta2 = options.stereo_chi2;
+    return rows;
   }
 
   const plain_vector<vec3<double>>& pixel() const { return pixel_; }
