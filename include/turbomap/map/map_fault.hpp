@@ -27,7 +27,9 @@ enum class map_fault : std::uint8_t {
   octave_out_of_range,       ///< a keypoint's octave is beyond the counts of the point
   wrong_octave_counts,       ///< the counts differ from recount()
   bad_pose,                  ///< a pose that is not finite, or whose quaternion is not of unit length: see is_pose()
-  position_not_finite        ///< a position that is not finite
+  position_not_finite,       ///< a position that is not finite
+  bad_inertial_state,        ///< a velocity or a bias of the IMU that is not finite
+  bad_motion                 ///< a preintegration that is not finite, or of other keyframes: its duration is not theirs
 };
 
 inline const char* to_string(map_fault fault) {
@@ -52,6 +54,10 @@ inline const char* to_string(map_fault fault) {
       return "a pose that is not finite or not of unit length";
     case map_fault::position_not_finite:
       return "a position that is not finite";
+    case map_fault::bad_inertial_state:
+      return "a velocity or a bias of the IMU that is not finite";
+    case map_fault::bad_motion:
+      return "a preintegration that is not finite, or does not last as long as its keyframes are apart";
   }
   return "";
 }

@@ -99,21 +99,32 @@ class adjustment_window {
     if (at == known) fixed_.push_back(fixed ? 1 : 0);
     return at;
   }
-  void add_point(const Map& map, const handle_table& stored, point p, fault_sink faults) {
-    if (p == point{} || !traits::alive(map, p)) return;
-    if (!has_finite_position(map, p)) return faults({map_fault::position_not_finite, 0, traits::id(map, p), 0});
-    const std::size_t number = points_.size();
-    if (point_numbers_.place(map, p) != number) return;
+  /// Takes in a point that is alive, has a position and is not there yet. \return whether it was
+  bool place_point(const Map& map, point p, fault_sink faults, std::size_t& number) {
+    number = points_.size();
+    if (p == point{} || !traits::alive(map, p)) return false;
+    if (!has_finite_position(map, p)) {
+      faults({map_fault::position_not_finite, 0, traits::id(map, p), 0});
+      return false;
+    }
+    if (point_numbers_.place(map, p) != number) return false;
     points_.push_back(p);
     positions_.push_back(position_of(map, p));
+    return true;
+  }
+  void add_row(const Map& map, std::size_t f, std::size_t number, std::size_t keypoint, fault_sink faults) {
+    if (keypoint >= keypoint_count_of(map, frames_[f]))
+      return faults({map_fault::keypoint_out_of_range, frames_.ids()[f], traits::id(map, points_[number]), keypoint});
+    rows_frame_.push_back(static_cast<std::int32_t>(f));
+    rows_landmark_.push_back(static_cast<std::int32_t>(number));
+    rows_keypoint_.push_back(static_cast<std::int32_t>(keypoint));
+  }
+  void add_point(const Map& map, const handle_table& stored, point p, fault_sink faults) {
+    std::size_t number;
+    if (!place_point(map, p, faults, number)) return;
     traits::for_each_observation(map, p, [&](keyframe k, std::size_t keypoint) {
       const std::size_t f = add_frame(map, stored, k, true, faults);
-      if (f == id_table::none) return;
-      if (keypoint >= keypoint_count_of(map, k))
-        return faults({map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, p), keypoint});
-      rows_frame_.push_back(static_cast<std::int32_t>(f));
-      rows_landmark_.push_back(static_cast<std::int32_t>(number));
-      rows_keypoint_.push_back(static_cast<std::int32_t>(keypoint));
+      if (f != id_table::none) add_row(map, f, number, keypoint, faults);
     });
   }
   void hold_something(std::size_t local) {

@@ -41,6 +41,8 @@ struct local_adjustment_options {
 /// What one local adjustment did.
 struct local_adjustment_summary {
   adjustment_summary solve;
+  bool inertial = false;           ///< the IMU took part: by inertial_adjustment, once it is initialised
+  std::size_t inertial_edges = 0;  ///< between keyframes that follow each other in time
   std::size_t free_keyframes = 0, fixed_keyframes = 0, points = 0, observations = 0;
   std::size_t outliers = 0;       ///< observations taken out of the map
   std::size_t points_erased = 0;  ///< that outliers left with too few

@@ -1,0 +1,152 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// How the library reads and changes what a map with an inertial measurement unit (IMU) holds besides keyframes and points.
+/// A second small struct beside map_traits; who maps without an IMU does not need it, nor this header.
+///
+/// The rules of map_traits hold: static members, on the host, under the same guard; writes must not throw. The map_traits must
+/// have `time`, `previous` and `next`.
+///
+///     template <>
+///     struct turbomap::inertial_traits<my::Map> {
+///       static bool initialised(const my::Map&);  // whether gravity, velocities and biases are known, and the scale
+///       static turbomap::vec3<double> gravity(const my::Map&);               // in the world, m/s^2, e.g. {0, 0, -9.81}
+///       static turbomap::rigid_transform<double> T_bc(const my::Map&);       // frame of the poses to body, that of the IMU
+///       static turbomap::vec3<double> velocity(const my::Map&, keyframe);    // of the IMU in the world, m/s
+///       static turbomap::imu_bias<double> bias(const my::Map&, keyframe);    // rad/s, m/s^2
+///       // What the IMU measured from previous(keyframe) to the keyframe. False: it did not, or not all the time
+///       static bool motion(const my::Map&, keyframe, turbomap::preintegration<double>& motion);
+///
+///       // Writes
+///       static void set_velocity(my::Map&, keyframe, const turbomap::vec3<double>&);
+///       static void set_bias(my::Map&, keyframe, const turbomap::imu_bias<double>&);
+///       static void set_motion(my::Map&, keyframe, const turbomap::preintegration<double>&);
+///       static void clear_motion(my::Map&, keyframe);                        // motion() is false from then on
+///
+///       // Optional
+///       static bool refined(const my::Map&);  // false: initialised not long ago; the adjustment trusts its edges less
+///       // `removed` is about to be erased; `after` follows it. To keep samples: append(history of removed, that of after)
+///       static void join_samples(my::Map&, keyframe removed, keyframe after);
+///       // The bias of the keyframe before this one is another now. To integrate the samples again: needs_integration()
+///       static void bias_changed(my::Map&, keyframe, const turbomap::imu_bias<double>&);
+///     };
+///
+/// See docs/inertial.md and examples/06_stereo_inertial.cpp.
+
+#include <type_traits>
+#include <utility>
+
+#include "../config.hpp"
+#include "../inertial/merge.hpp"
+#include "../inertial/preintegration.hpp"
+#include "../math/functions.hpp"
+#include "map_traits.hpp"
+
+namespace turbomap {
+
+/// Specialise this for your map type: see above.
+template <class Map>
+struct inertial_traits {
+  using turbomap_not_specialised = void;
+};
+
+}  // namespace turbomap
+
+TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+
+// M: the map, T: its inertial_traits.
+template <class M>
+using map_keyframe = typename map_traits<M>::keyframe;
+template <class M, class T>
+using inertial_read_member = std::void_t<
+    if_converts<decltype(T::initialised(std::declval<const M&>())), bool>,
+    if_converts<decltype(T::gravity(std::declval<const M&>())), vec3<double>>,
+    if_converts<decltype(T::T_bc(std::declval<const M&>())), rigid_transform<double>>,
+    if_converts<decltype(T::velocity(std::declval<const M&>(), std::declval<map_keyframe<M>>())), vec3<double>>,
+    if_converts<decltype(T::bias(std::declval<const M&>(), std::declval<map_keyframe<M>>())), imu_bias<double>>,
+    if_converts<decltype(T::motion(std::declval<const M&>(), std::declval<map_keyframe<M>>(),
+                                   std::declval<preintegration<double>&>())),
+                bool>>;
+template <class M, class T>
+using inertial_write_member = std::void_t<
+    decltype(T::set_velocity(std::declval<M&>(), std::declval<map_keyframe<M>>(), std::declval<const vec3<double>&>())),
+    decltype(T::set_bias(std::declval<M&>(), std::declval<map_keyframe<M>>(), std::declval<const imu_bias<double>&>())),
+    decltype(T::set_motion(std::declval<M&>(), std::declval<map_keyframe<M>>(),
+                           std::declval<const preintegration<double>&>())),
+    decltype(T::clear_motion(std::declval<M&>(), std::declval<map_keyframe<M>>()))>;
+template <class M, class T>
+using inertial_refined_member = decltype(T::refined(std::declval<const M&>()));
+template <class M, class T>
+using inertial_join_member =
+    decltype(T::join_samples(std::declval<M&>(), std::declval<map_keyframe<M>>(), std::declval<map_keyframe<M>>()));
+template <class M, class T>
+using inertial_bias_member = decltype(T::bias_changed(std::declval<M&>(), std::declval<map_keyframe<M>>(),
+                                                      std::declval<const imu_bias<double>&>()));
+
+template <class Map, template <class, class> class Member>
+inline constexpr bool inertial_has_v = has_member<Member, Map, inertial_traits<Map>>::value;
+
+}  // namespace detail
+
+/// Explains in words what inertial_traits<Map> lacks: `static_assert(require_inertial_traits<Map>());`.
+template <class Map>
+constexpr bool require_inertial_traits() {
+  constexpr bool there = !detail::inertial_has_v<Map, detail::not_specialised_member>;  // says one thing at a time
+  static_assert(there, "turbomap: specialise turbomap::inertial_traits for your map type; see docs/inertial.md");
+  constexpr bool reads = detail::inertial_has_v<Map, detail::inertial_read_member>;
+  static_assert(
+      !there || reads,
+      "turbomap: inertial_traits lacks one of the reads: initialised, gravity, T_bc, velocity, bias, motion; see "
+      "docs/inertial.md");
+  constexpr bool writes = detail::inertial_has_v<Map, detail::inertial_write_member>;
+  static_assert(
+      !there || writes,
+      "turbomap: inertial_traits lacks one of the writes: set_velocity, set_bias, set_motion, clear_motion; see "
+      "docs/inertial.md");
+  constexpr bool temporal = detail::map_has_v<Map, detail::map_temporal_member>;
+  static_assert(temporal, "turbomap: a map with an IMU needs map_traits with time, previous and next; see docs/map.md");
+  return there && reads && writes && temporal;
+}
+
+/// Whether the estimates of an initialised map are no longer young: true where the traits do not say.
+template <class Map>
+bool is_refined([[maybe_unused]] const Map& map) {
+  if constexpr (detail::inertial_has_v<Map, detail::inertial_refined_member>)
+    return inertial_traits<Map>::refined(map);
+  else
+    return true;
+}
+
+/// A keyframe is about to leave the map: what the IMU measured to it and from it on becomes one motion of the keyframe that
+/// follows in time, merge(). Where one of the two is not known, that one's is not known either. Call it under the guard, before
+/// erase_keyframe(); local_mapper does so. O(1), and what join_samples() takes.
+template <class Map>
+void bridge_motion(Map& map, const typename map_traits<Map>::keyframe& removed) {
+  using traits = inertial_traits<Map>;
+  static_assert(require_inertial_traits<Map>());
+  const auto after = map_traits<Map>::next(map, removed);
+  if (after == typename map_traits<Map>::keyframe{}) return;
+  preintegration<double> to, from;
+  if (!traits::motion(map, removed, to) || !traits::motion(map, after, from)) return traits::clear_motion(map, after);
+  traits::set_motion(map, after, merge(to, from));
+  if constexpr (detail::inertial_has_v<Map, detail::inertial_join_member>) traits::join_samples(map, removed, after);
+}
+
+namespace detail {
+inline bool is_finite(const vec3<double>& v) { return is_finite(v.x) && is_finite(v.y) && is_finite(v.z); }
+inline bool is_finite(const imu_bias<double>& b) { return is_finite(b.gyro) && is_finite(b.acceleration); }
+/// Whether an adjustment can use it. Derivatives and covariances follow from what is summed up here.
+inline bool is_usable(const preintegration<double>& p) {
+  double sum = p.dt + p.gyro_walk + p.acceleration_walk;
+  for (const mat3<double>* m :
+       {&p.dR, &p.J_Rg, &p.J_Vg, &p.J_Va, &p.J_Pg, &p.J_Pa, &p.C_RR, &p.C_VR, &p.C_VV, &p.C_PR, &p.C_PV, &p.C_PP})
+    for (const double x : m->m) sum += x;
+  return p.dt > 0 && is_finite(sum) && is_finite(p.dV) && is_finite(p.dP) && is_finite(p.bias);
+}
+}  // namespace detail
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,204 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The stage that adjusts the last keyframes in time with what the IMU measured between them [ORB-SLAM3]: their poses,
+/// velocities and biases, and the points that they see, so that reprojection errors and the contradictions to the IMU are
+/// smallest together. Until the IMU of the map is initialised it adjusts as local_adjustment.
+
+#include <cstddef>
+#include <cstdint>
+
+#include "../adjustment/levenberg_marquardt.hpp"
+#include "../adjustment/problem.hpp"
+#include "../config.hpp"
+#include "../error.hpp"
+#include "../inertial/inertial_edges.hpp"
+#include "../inertial/inertial_factors.hpp"
+#include "../inertial/inertial_frame.hpp"
+#include "../map/inertial_traits.hpp"
+#include "../plain_vector.hpp"
+#include "adjustment_commit.hpp"
+#include "inertial_adjustment_options.hpp"
+#include "inertial_window.hpp"
+#include "local_adjustment.hpp"
+#include "stage.hpp"
+#include "window_measurements.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Throws std::invalid_argument naming the option that is out of range.
+inline void check(const inertial_adjustment_options& o) {
+  for (const inertial_window_options* w : {&o.window, &o.large}) {
+    require(w->keyframes >= 1, "options.keyframes", w->keyframes, "must be positive");
+    require(w->iterations >= 1, "options.iterations", w->iterations, "must be positive");
+    require(w->initial_lambda >= 0 && detail::is_finite(w->initial_lambda), "options.initial_lambda", w->initial_lambda,
+            "must be finite and not negative");
+    check_positive("options.robust_chi2", w->robust_chi2);
+  }
+  require(o.most_observers >= 0, "options.most_observers", o.most_observers, "must not be negative");
+  require(o.near_depth >= 0, "options.near_depth", o.near_depth, "must not be negative");
+  require(o.max_time_error >= 0, "options.max_time_error", o.max_time_error, "must not be negative");
+}
+
+/// As local_adjustment, with inertial_traits<Map>. The window is an inertial_window; its size, iterations and damping are those
+/// of the options here, all others those of local_adjustment_options. The adjustment that a local_mapper in inertial mode is
+/// given by type.
+template <class Map, class Policy, class Methods = adjustment_methods<>>
+class inertial_adjustment {
+ public:
+  using traits = map_traits<Map>;
+  using keyframe = typename traits::keyframe;
+  using point = typename traits::point;
+  using camera = typename traits::camera;
+  using scope = mapping_scope<Map, Policy>;
+  static constexpr bool inertial = true;
+
+  explicit inertial_adjustment(const scope& s) : inertial_adjustment(s.ctx) {}
+  explicit inertial_adjustment(context<Policy>& ctx)
+      : visual_(ctx), measurements_(ctx), problem_(ctx), commit_(window_, measurements_) {
+    static_assert(require_inertial_traits<Map>());
+  }
+  inertial_adjustment(const inertial_adjustment&) = delete;  // the commit refers to the window
+  inertial_adjustment& operator=(const inertial_adjustment&) = delete;
+
+  /// The map is left as it is in the cases of local_adjustment, and where meanwhile somebody changed a velocity or a bias of a
+  /// free keyframe, or took out a keyframe between two of them (summary.stale). A result that is not finite, or costs more than
+  /// the start, is none: solve.accepted is 0.
+  /// \throws std::invalid_argument  an option out of range, a keyframe that is not in the store, gravity or T_bc that cannot be;
+  ///         inconsistent_map as local_adjustment, and for what is inertial as inertial_window, unless the scope notes faults
+  local_adjustment_summary operator()(const scope& s, keyframe current, const local_adjustment_options& options,
+                                      const inertial_adjustment_options& inertial = {}) {
+    local_adjustment_summary summary;
+    snapshot(s, current, options, inertial, summary);
+    if (!summary.inertial) {
+      if (!summary.stale) summary = visual_(s, current, options);
+      return summary;
+    }
+    if (!compute(s, options, summary)) return summary;
+    commit(s, options, summary);
+    return summary;
+  }
+
+  /// The window. summary.inertial is false where the map is not initialised: there is no window then.
+  void snapshot(const scope& s, keyframe current, const local_adjustment_options& options,
+                const inertial_adjustment_options& inertial, local_adjustment_summary& summary) {
+    check(options);
+    check(inertial);
+    const auto guard = s.guard();
+    commit_.clear();
+    window_.clear();
+    summary.stale = current == keyframe{} || !traits::alive(s.map, current);
+    is_inertial_ = summary.inertial = !summary.stale && inertial_traits<Map>::initialised(s.map);
+    if (summary.stale) summary.solve.end = adjustment_end::no_observations;
+    if (!summary.inertial) return;
+    s.stored.at(traits::id(s.map, current));  // throws when it is not there
+    const auto& T_bc = inertial_traits<Map>::T_bc(s.map);
+    check_pose("T_bc", T_bc);
+    factor_.T_bc = to_isometry<double>(normalised(T_bc));
+    factor_.gravity = inertial_traits<Map>::gravity(s.map);
+    require(detail::is_finite(factor_.gravity), "gravity", factor_.gravity.x, "must be finite");
+    used_ = is_strong(s.map, current, inertial) ? inertial.large : inertial.window;
+    used_.all_robust = used_.all_robust || !is_refined(s.map);
+    near_depth_ = inertial.near_depth;
+    window_.gather(s, current, used_, inertial);
+    for (const auto fixed : window_.fixed()) ++(fixed != 0 ? summary.fixed_keyframes : summary.free_keyframes);
+    summary.inertial_edges = window_.joined();
+    summary.points = window_.points().size();
+    summary.observations = window_.row_count();
+  }
+
+  /// Adjusts it. \return whether there is something to write
+  bool compute(const scope& s, const local_adjustment_options& options, local_adjustment_summary& summary) {
+    if (summary.free_keyframes == 0 || summary.observations == 0) {
+      summary.solve.end = summary.observations == 0 ? adjustment_end::no_observations : adjustment_end::nothing_free;
+      return false;
+    }
+    measurements_.gather(s, window_, options.scales);
+    problem_.assign(s.ctx, {window_.states(), window_.fixed(), window_.held()}, {window_.positions(), {}},
+                    measurements_.rows(window_, options), window_.edges().plain(factor_),
+                    window_.edges().robust(factor_, used_), window_.edges().walks());
+    adjustment_options solve = options.solve;
+    solve.damping = damping_rule::identity;  // what initial_lambda is for
+    solve.max_iterations = used_.iterations, solve.initial_lambda = used_.initial_lambda;
+    summary.solve = adjust<Methods>(s.ctx, problem_, solve);
+    if (summary.solve.accepted == 0) return false;
+    problem_.frames(s.ctx, states_);
+    commit_.T_cw.clear();
+    for (const auto& x : states_) commit_.T_cw.push_back(x.T_cw);
+    problem_.landmarks(s.ctx, commit_.positions);
+    problem_.template chi2<0>(s.ctx, commit_.chi2, commit_.depth);
+    return true;
+  }
+
+  /// Writes what was found: see adjustment_commit; velocities and biases with the poses.
+  void commit(const scope& s, const local_adjustment_options& options, local_adjustment_summary& summary) {
+    local_adjustment_options gates = options;
+    gates.near_depth = near_depth_;
+    commit_(s, gates, summary, moving_frame{window_, states_});
+  }
+
+  /// As of local_adjustment.
+  const list_of<point>& points() const { return is_inertial_ ? window_.points() : visual_.points(); }
+  const list_of<point>& points_that_lost_views() const {
+    return is_inertial_ ? commit_.points_that_lost_views() : visual_.points_that_lost_views();
+  }
+
+ private:
+  /// Velocity and biases of a free frame.
+  struct moving_frame {
+    const inertial_window<Map>& window;
+    const plain_vector<inertial_state<double>>& adjusted;
+
+    bool moves(std::size_t f) const { return window.held()[f] != inertial_frame::visual_only; }
+    bool unchanged(const Map& map, const keyframe& k, std::size_t f) const {
+      using inertial = inertial_traits<Map>;
+      if (f + 1 < window.chain() && !(traits::previous(map, k) == window.frames()[f + 1])) return false;
+      if (!moves(f)) return true;
+      const inertial_state<double>& then = window.states()[f];
+      const vec3<double> now = inertial::velocity(map, k);
+      return now.x == then.velocity.x && now.y == then.velocity.y && now.z == then.velocity.z &&
+             same_bias<double>(inertial::bias(map, k), then.bias);
+    }
+    void write(Map& map, const keyframe& k, std::size_t f) {
+      using inertial = inertial_traits<Map>;
+      if (!moves(f)) return;
+      inertial::set_velocity(map, k, adjusted[f].velocity);
+      inertial::set_bias(map, k, adjusted[f].bias);
+      if constexpr (detail::inertial_has_v<Map, detail::inertial_bias_member>) {
+        const keyframe after = traits::next(map, k);
+        if (!(after == keyframe{})) inertial::bias_changed(map, after, adjusted[f].bias);
+      }
+    }
+  };
+
+  static bool is_strong(const Map& map, keyframe current, const inertial_adjustment_options& options) {
+    if (options.strong_points < 0) return false;
+    int seen = 0;
+    const std::size_t keypoints = keypoint_count_of(map, current);
+    for (std::size_t i = 0; i < keypoints && seen < options.strong_points; ++i)
+      seen += traits::point_at(map, current, i) == point{} ? 0 : 1;
+    return seen >= options.strong_points;
+  }
+
+  using edges = inertial_edges;
+
+  local_adjustment<Map, Policy, Methods> visual_;
+  inertial_window<Map> window_;
+  inertial_window_options used_;
+  inertial_factor factor_;
+  double near_depth_ = 0;
+  bool is_inertial_ = false;
+  window_measurements<Map, Policy> measurements_;
+  bundle_problem<Policy, inertial_frame, reprojections<camera>, edges::factors, edges::robust_factors,
+                 edges::walk_factors>
+      problem_;
+  plain_vector<inertial_state<double>> states_;  ///< by frame, adjusted
+  adjustment_commit<Map, Policy> commit_;
+};
+
+template <class Map, class Policy>
+inertial_adjustment(const mapping_scope<Map, Policy>&) -> inertial_adjustment<Map, Policy>;
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,28 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Options of the stage that adjusts a map with its IMU, as plain data.
+
+#include "../inertial/inertial_window_options.hpp"
+
+namespace turbomap {
+
+/// Options of inertial_adjustment. Defaults are those of [ORB-SLAM3] unless a comment says otherwise. What they have in common
+/// with visual adjustments is in local_adjustment_options: scales, gates, correlation, precision, stop, deadline.
+struct inertial_adjustment_options {
+  inertial_window_options window;
+  inertial_window_options large = large_inertial_window();  ///< where tracking is strong
+  /// Tracking is strong where the current keyframe sees so many points. Ours. 0: always; negative: never.
+  int strong_points = 100;
+  /// Keyframes outside of the window hold its points in place: of each point the first one that is not there yet, in the order
+  /// of its observations, until there are so many.
+  int most_observers = 200;
+  double near_depth = 10;  ///< m: local_adjustment_options::near_depth
+  /// s: a motion whose duration differs by more from the time between its keyframes is refused: it belongs to other ones. Ours:
+  /// two periods at 200 Hz.
+  double max_time_error = 0.01;
+};
+
+}  // namespace turbomap

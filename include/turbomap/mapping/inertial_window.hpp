@@ -1,0 +1,162 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What an inertial adjustment takes of the user's map: the last keyframes in time, which move, the one before them and other
+/// observers of their points, which hold them in place, and what the IMU measured from each to the next.
+
+#include <cstddef>
+#include <cstdint>
+
+#include "../config.hpp"
+#include "../inertial/inertial_edges.hpp"
+#include "../inertial/inertial_frame.hpp"
+#include "../map/inertial_traits.hpp"
+#include "../map/map_traits.hpp"
+#include "../plain_vector.hpp"
+#include "adjustment_window.hpp"
+#include "inertial_adjustment_options.hpp"
+#include "stage.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// An adjustment_window whose first frames, the *chain*, follow each other back in time from the current keyframe. The last of
+/// them is fixed: the keyframe before those that move, or, where the map begins with them, the oldest of them.
+template <class Map>
+class inertial_window : public adjustment_window<Map> {
+  using base = adjustment_window<Map>;
+
+ public:
+  using traits = map_traits<Map>;
+  using keyframe = typename traits::keyframe;
+  using point = typename traits::point;
+
+  /// The caller holds the guard. \param current  alive and in the store
+  ///
+  /// A motion that is not known, or cannot be used, is left out: the chain has a hole there. Frames that nothing inertial joins
+  /// keep velocity and biases; where no fixed frame is before a hole's end, the biases of the first frame after it are held.
+  /// \throws inconsistent_map  as adjustment_window, and a motion, velocity or bias that is not finite, or a motion of another
+  ///         duration than the time between its keyframes; where the scope notes faults, these are passed over
+  /// O(observations of the points of the frames that move).
+  template <class Policy>
+  void gather(const mapping_scope<Map, Policy>& s, keyframe current, const inertial_window_options& window,
+              const inertial_adjustment_options& options) {
+    clear();
+    follow(s, current, static_cast<std::size_t>(window.keyframes));
+    if (chain_ == 0) return;
+    join(s, window, options);
+    const std::size_t free = chain_ - (this->fixed_[chain_ - 1] != 0 ? 1 : 0);
+    for (std::size_t f = 0; f < free; ++f) {
+      const std::size_t keypoints = keypoint_count_of(s.map, this->frames_[f]);
+      for (std::size_t i = 0; i < keypoints; ++i) take_point(s, traits::point_at(s.map, this->frames_[f], i));
+    }
+    std::size_t observers = 0;
+    for (const point& p : this->points_)
+      if (observers < static_cast<std::size_t>(options.most_observers)) observers += take_observer(s, p);
+    for (std::size_t l = 0; l < this->points_.size(); ++l) take_rows(s, l);
+    const rigid_transform<double>* T_cw = this->frames_.T_cw().begin();
+    for (std::size_t f = chain_; f < this->frames_.size(); ++f) {
+      states_.push_back({T_cw[f], {}, {}});
+      held_.push_back(inertial_frame::visual_only);
+    }
+  }
+  void clear() {
+    base::clear();
+    states_.clear(), held_.clear(), usable_.clear();
+    edges_.clear();
+    chain_ = joined_ = 0;
+  }
+
+  std::size_t chain() const { return chain_; }    ///< frames that follow each other in time, the current one first
+  std::size_t joined() const { return joined_; }  ///< of them, how many have a motion from the one before
+  const plain_vector<inertial_state<double>>& states() const { return states_; }  ///< by frame
+  const plain_vector<std::uint32_t>& held() const { return held_; }               ///< by frame: frame_input::held
+  const inertial_edges& edges() const { return edges_; }
+
+ private:
+  using inertial = inertial_traits<Map>;
+
+  /// The current keyframe and those before it, as far as they are in the store: so many that move, and one more.
+  template <class Policy>
+  void follow(const mapping_scope<Map, Policy>& s, keyframe current, std::size_t wanted) {
+    keyframe k = current;
+    while (chain_ <= wanted && !(k == keyframe{}) && s.can_use(k)) {
+      const bool fixed = chain_ == wanted || base::is_origin(s.map, k);
+      if (this->add_frame(s.map, s.stored, k, fixed, s.faults) != chain_)
+        break;  // met before: the times run in a circle
+      inertial_state<double> x{this->frames_.T_cw()[chain_], inertial::velocity(s.map, k), inertial::bias(s.map, k)};
+      if (!detail::is_finite(x.velocity) || !detail::is_finite(x.bias)) {
+        s.faults({map_fault::bad_inertial_state, traits::id(s.map, k), 0, 0});
+        x.velocity = {0, 0, 0}, x.bias = {};
+        usable_.push_back(0);
+      } else {
+        usable_.push_back(1);
+      }
+      states_.push_back(x);
+      ++chain_;
+      if (fixed) break;
+      k = traits::previous(s.map, k);
+    }
+    if (chain_ > 0) this->fixed_[chain_ - 1] = 1;
+  }
+  /// The edges of the chain, and what is held of its frames.
+  template <class Policy>
+  void join(const mapping_scope<Map, Policy>& s, const inertial_window_options& window,
+            const inertial_adjustment_options& options) {
+    held_.assign(chain_, inertial_frame::visual_only);
+    preintegration<double> motion;
+    for (std::size_t f = 0; f + 1 < chain_; ++f) {
+      if (!read_motion(s, f, options, motion)) continue;
+      const bool anchored = this->fixed_[f + 1] != 0;
+      if (!edges_.add(static_cast<std::int32_t>(f + 1), static_cast<std::int32_t>(f), motion, anchored, window))
+        continue;
+      ++joined_;
+      held_[f] = 0;
+      held_[f + 1] = anchored ? 0 : inertial_frame::hold_biases;  // until the edge before it is found
+    }
+  }
+  /// From frame f + 1 of the chain to f. False: it is not known, or cannot be used.
+  template <class Policy>
+  bool read_motion(const mapping_scope<Map, Policy>& s, std::size_t f, const inertial_adjustment_options& options,
+                   preintegration<double>& motion) const {
+    if (usable_[f] == 0 || usable_[f + 1] == 0 || !inertial::motion(s.map, this->frames_[f], motion)) return false;
+    const double end = traits::time(s.map, this->frames_[f]), begin = traits::time(s.map, this->frames_[f + 1]);
+    const double error = motion.dt - (end - begin);
+    if (detail::is_usable(motion) && error <= options.max_time_error && -error <= options.max_time_error) return true;
+    s.faults({map_fault::bad_motion, this->frames_.ids()[f], 0, 0});
+    return false;
+  }
+
+  template <class Policy>
+  void take_point(const mapping_scope<Map, Policy>& s, point p) {
+    std::size_t number;
+    this->place_point(s.map, p, s.faults, number);
+  }
+  /// The first keyframe that sees the point and is not there yet becomes a fixed frame. \return how many did
+  template <class Policy>
+  std::size_t take_observer(const mapping_scope<Map, Policy>& s, point p) {
+    const std::size_t before = this->frames_.size();
+    traits::for_each_observation(s.map, p, [&](keyframe k, std::size_t) {
+      if (this->frames_.size() == before && this->frames_.find(s.map, k) == id_table::none && s.can_use(k))
+        this->add_frame(s.map, s.stored, k, true, s.faults);
+    });
+    return this->frames_.size() - before;
+  }
+  /// The views of point l from the frames.
+  template <class Policy>
+  void take_rows(const mapping_scope<Map, Policy>& s, std::size_t l) {
+    traits::for_each_observation(s.map, this->points_[l], [&](keyframe k, std::size_t keypoint) {
+      const std::size_t f = this->frames_.find(s.map, k);
+      if (f != id_table::none) this->add_row(s.map, f, l, keypoint, s.faults);
+    });
+  }
+
+  std::size_t chain_ = 0, joined_ = 0;
+  plain_vector<std::uint8_t> usable_;  ///< by frame of the chain: its velocity and bias are finite
+  plain_vector<inertial_state<double>> states_;
+  plain_vector<std::uint32_t> held_;
+  inertial_edges edges_;
+};
+
+TURBOMAP_END_NAMESPACE
