@@ -90,14 +90,14 @@ function(turbomap_add_test source label)
   endif()
 endfunction()
 
-# turbomap_add_script_test(NAME LABEL SCRIPT): a bash script that looks at the source.
+# turbomap_add_script_test(NAME LABEL SCRIPT ARGUMENT...): a bash script that looks at the source.
 find_program(TURBOMAP_BASH bash)
 mark_as_advanced(TURBOMAP_BASH)
 function(turbomap_add_script_test name label script)
   if(TURBOMAP_BASH)
     set(test ${TURBOMAP_TEST_PREFIX}${name})
-    add_test(NAME ${test} COMMAND "${TURBOMAP_BASH}" "${CMAKE_CURRENT_SOURCE_DIR}/${script}")
-    set_tests_properties(${test} PROPERTIES TIMEOUT 60 LABELS ${label})
+    add_test(NAME ${test} COMMAND "${TURBOMAP_BASH}" "${CMAKE_CURRENT_SOURCE_DIR}/${script}" ${ARGN})
+    set_tests_properties(${test} PROPERTIES TIMEOUT 120 LABELS ${label})
   else()
     message(STATUS "turbomap: no test ${name}: bash was not found")
   endif()

@@ -26,6 +26,7 @@
 #include "mapping/map_point_creation.hpp"
 #include "mapping/neighbour_search.hpp"
 #include "mapping/point_culling.hpp"
+#include "mapping/refused_mapper.hpp"
 #include "mapping/stage.hpp"
 #include "mapping/time_budget.hpp"
 #include "mapping/working_map.hpp"
@@ -43,8 +44,9 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// What a local_mapper adjusts with by default: local_adjustment, if the traits of the map can write poses and positions.
 template <class Map, class Policy>
-using default_adjustment =
-    std::conditional_t<detail::map_has_v<Map, detail::map_adjust_member>, local_adjustment<Map, Policy>, no_adjustment>;
+using default_adjustment = std::conditional_t<!has_map_traits_v<Map>, detail::refused_traits,
+                                              std::conditional_t<detail::map_has_v<Map, detail::map_adjust_member>,
+                                                                 local_adjustment<Map, Policy>, no_adjustment>>;
 
 namespace detail {
 /// The user's adjustment, on the map that stages work on.
@@ -237,8 +239,12 @@ class local_mapper {
     return data.keypoint_count < 0 ? 0 : static_cast<std::size_t>(data.keypoint_count);
   }
   template <class Data>
-  static std::size_t count_in(const Data& data) {
-    return keyframe_traits<Data>::keypoint_count(data);
+  static std::size_t count_in([[maybe_unused]] const Data& data) {
+    static_assert(require_keyframe_traits<Data>());
+    if constexpr (has_keyframe_traits_v<Data>)
+      return keyframe_traits<Data>::keypoint_count(data);
+    else
+      return 0;
   }
   fault_sink faults() { return options_.strict ? fault_sink() : fault_sink(report_.refused); }
   scope scope_of(mapping_stage s) { return {ctx_, working_.get(), store_, stored_, report_.held[s], faults()}; }
@@ -478,5 +484,15 @@ class local_mapper {
   list_of<point> watched_, moved_, changed_;  ///< by the user, not numbered yet: of a map that is mirrored
   bool processing_ = false;
 };
+
+template <class Map, class Policy>
+class local_mapper<Map, Policy, detail::refused_traits> : public detail::refused_mapper {
+  static_assert(require_map_traits<Map>());
+
+ public:
+  using detail::refused_mapper::refused_mapper;
+};
+template <class Policy, class Map, class... Rest>
+local_mapper(context<Policy>&, Map&, Rest&&...) -> local_mapper<Map, Policy>;
 
 TURBOMAP_END_NAMESPACE

@@ -54,66 +54,142 @@ struct has_member<Member, K, T, std::void_t<Member<K, T>>> : std::true_type {};
 template <class From, class To>
 using if_converts = std::enable_if_t<std::is_convertible_v<From, To>>;
 
+/// What a member should give where only its arguments matter.
+struct anything {};
+template <class Got, class Wanted>
+struct fits {  // has no base class, which g++ would name in its place
+  static constexpr bool value = std::is_convertible_v<Got, Wanted>;
+};
+template <class Got>
+struct fits<Got, anything> {
+  static constexpr bool value = true;
+};
+/// No function of that name takes these arguments, or there is none of that name.
+struct no_such_function {
+  static constexpr bool value = false;
+};
+
+/// fits<...> of a member, or no_such_function.
+template <template <class, class> class Member, class M, class T, class = void>
+struct fit_of_member {
+  using type = no_such_function;
+};
+template <template <class, class> class Member, class M, class T>
+struct fit_of_member<Member, M, T, std::void_t<Member<M, T>>> {
+  using type = Member<M, T>;
+};
+
+/// Whether class T has a member of this name, whatever it takes. `Name<void, X>` is decltype(&X::name) and Names a class with that
+/// member: a class that inherits from both cannot tell which is meant. False for a final class, which cannot be asked.
+template <class T, class Names>
+struct named_twice : T, Names {};
+template <template <class, class> class Name, class T, class Names>
+constexpr bool has_name() {
+  if constexpr (std::is_final_v<T>)
+    return false;
+  else
+    return !has_member<Name, void, named_twice<T, Names>>::value;
+}
+
+/// A lock is an object that is held while it lives: not nothing, and not the mutex itself.
+template <class Lock>
+using if_lock = std::enable_if_t<std::is_class_v<Lock>>;
+struct guard_names {
+  int guard, bounds;
+};
+template <class M, class T>
+using guard_name = decltype(&T::guard);
+template <class M, class T>
+using bounds_name = decltype(&T::bounds);
+
 template <class K, class T>
 using not_specialised_member = typename T::turbomap_not_specialised;
 template <class K, class T>
-using descriptor_member = std::void_t<typename T::descriptor::element, decltype(T::descriptor::elements)>;
+using descriptor_type_member = std::void_t<typename T::descriptor::element, decltype(T::descriptor::elements)>;
 template <class K, class T>
 using rig_member = std::void_t<decltype(std::declval<const typename T::rig&>().size()),
                                decltype(std::declval<const typename T::rig&>()[0].T_camera_body)>;
 template <class K, class T>
-using cameras_member = if_converts<decltype(T::cameras(std::declval<const K&>())), const typename T::rig&>;
+using cameras_member = fits<decltype(T::cameras(std::declval<const K&>())), const typename T::rig&>;
 template <class K, class T>
-using keypoint_count_member = if_converts<decltype(T::keypoint_count(std::declval<const K&>())), std::size_t>;
+using keypoint_count_member = fits<decltype(T::keypoint_count(std::declval<const K&>())), std::size_t>;
 template <class K, class T>
-using keypoint_member = if_converts<decltype(T::keypoint(std::declval<const K&>(), std::size_t{})), turbomap::keypoint>;
+using keypoint_member = fits<decltype(T::keypoint(std::declval<const K&>(), std::size_t{})), turbomap::keypoint>;
 template <class K, class T>
-using descriptor_data_member = if_converts<decltype(T::descriptor_data(std::declval<const K&>(), std::size_t{})),
-                                           const typename T::descriptor::element*>;
+using descriptor_data_member =
+    fits<decltype(T::descriptor_data(std::declval<const K&>(), std::size_t{})), const typename T::descriptor::element*>;
 template <class K, class T>
 using bounds_member = if_converts<decltype(T::bounds(std::declval<const K&>())), image_bounds>;
 template <class K, class T>
-using guard_member = decltype(T::guard(std::declval<const K&>()));
+using guard_member = if_lock<decltype(T::guard(std::declval<const K&>()))>;
+template <class K, class T>
+using near_keyframe_lock = decltype(T::lock(std::declval<const K&>()));
+template <class K, class T>
+using near_keyframe_get_guard = decltype(T::get_guard(std::declval<const K&>()));
 
-template <class K, class T, template <class, class> class... Members>
-inline constexpr bool has_members_v = (has_member<Members, K, T>::value && ...);
+template <class K, template <class, class> class Member>
+inline constexpr bool keyframe_has_v = has_member<Member, K, keyframe_traits<K>>::value;
+template <class K, template <class, class> class Member>
+using keyframe_fit = typename fit_of_member<Member, K, keyframe_traits<K>>::type;
 
 }  // namespace detail
 
 /// True when keyframe_traits<KeyFrame> has every required member.
 template <class KeyFrame>
 inline constexpr bool has_keyframe_traits_v =
-    detail::has_members_v<KeyFrame, keyframe_traits<KeyFrame>, detail::descriptor_member, detail::rig_member,
-                          detail::cameras_member, detail::keypoint_count_member, detail::keypoint_member,
-                          detail::descriptor_data_member>;
+    detail::keyframe_has_v<KeyFrame, detail::descriptor_type_member>&& detail::keyframe_has_v<
+        KeyFrame, detail::rig_member>&& detail::keyframe_fit<KeyFrame, detail::cameras_member>::value&&
+        detail::keyframe_fit<KeyFrame, detail::keypoint_count_member>::value&&
+            detail::keyframe_fit<KeyFrame, detail::keypoint_member>::value&&
+                detail::keyframe_fit<KeyFrame, detail::descriptor_data_member>::value;
 
-/// Explains in words what keyframe_traits<KeyFrame> lacks: `static_assert(require_keyframe_traits<KeyFrame>());`.
+/// Explains in words what is wrong with keyframe_traits<KeyFrame>: `static_assert(require_keyframe_traits<KeyFrame>());`. The
+/// compiler prints what it found beside it: `fits<what the member gives, what it should give>`, or `no_such_function`.
 template <class KeyFrame>
 constexpr bool require_keyframe_traits() {
   using K = KeyFrame;
   using T = keyframe_traits<KeyFrame>;
-  constexpr bool there = !detail::has_member<detail::not_specialised_member, K, T>::value;  // says one thing at a time
-  static_assert(there, "turbomap: specialise turbomap::keyframe_traits for your keyframe type; see docs/traits.md");
-  static_assert(!there || detail::has_member<detail::descriptor_member, K, T>::value,
+  constexpr bool specialised = !detail::keyframe_has_v<K, detail::not_specialised_member>;  // says one thing at a time
+  static_assert(specialised,
+                "turbomap: specialise turbomap::keyframe_traits for your keyframe type; see docs/traits.md");
+  constexpr bool described = detail::keyframe_has_v<K, detail::descriptor_type_member>;
+  static_assert(!specialised || described,
                 "turbomap: keyframe_traits needs `using descriptor = ...`, with `element` and `elements`, e.g. "
                 "binary_descriptor<256>; see docs/traits.md");
+  constexpr bool has_rig = detail::keyframe_has_v<K, detail::rig_member>;
   static_assert(
-      !there || detail::has_member<detail::rig_member, K, T>::value,
+      !specialised || has_rig,
       "turbomap: keyframe_traits needs `using rig = ...`, with size() and operator[] giving rig_camera<Camera>, e.g. "
       "mono_rig<pinhole<float>>; see docs/traits.md");
-  static_assert(!there || detail::has_member<detail::cameras_member, K, T>::value,
-                "turbomap: keyframe_traits needs `static rig cameras(const KeyFrame&)`; see docs/traits.md");
-  static_assert(
-      !there || detail::has_member<detail::keypoint_count_member, K, T>::value,
-      "turbomap: keyframe_traits needs `static std::size_t keypoint_count(const KeyFrame&)`; see docs/traits.md");
-  static_assert(
-      !there || detail::has_member<detail::keypoint_member, K, T>::value,
-      "turbomap: keyframe_traits needs `static turbomap::keypoint keypoint(const KeyFrame&, std::size_t)`; see "
-      "docs/traits.md");
-  static_assert(!there || detail::has_member<detail::descriptor_data_member, K, T>::value,
-                "turbomap: keyframe_traits needs `static const descriptor::element* descriptor_data(const KeyFrame&, "
-                "std::size_t)`; see docs/traits.md");
-  return has_keyframe_traits_v<KeyFrame>;
+  if constexpr (described && has_rig) {
+    static_assert(detail::keyframe_fit<K, detail::cameras_member>::value,
+                  "turbomap: keyframe_traits needs `static rig cameras(const KeyFrame&)`; see docs/traits.md");
+    static_assert(
+        detail::keyframe_fit<K, detail::keypoint_count_member>::value,
+        "turbomap: keyframe_traits needs `static std::size_t keypoint_count(const KeyFrame&)`; see docs/traits.md");
+    static_assert(
+        detail::keyframe_fit<K, detail::keypoint_member>::value,
+        "turbomap: keyframe_traits needs `static turbomap::keypoint keypoint(const KeyFrame&, std::size_t)`; see "
+        "docs/traits.md");
+    static_assert(detail::keyframe_fit<K, detail::descriptor_data_member>::value,
+                  "turbomap: keyframe_traits needs `static const descriptor::element* descriptor_data(const KeyFrame&, "
+                  "std::size_t)`; see docs/traits.md");
+    static_assert(
+        detail::keyframe_has_v<K, detail::bounds_member> ||
+            !detail::has_name<detail::bounds_name, T, detail::guard_names>(),
+        "turbomap: keyframe_traits::bounds must be `static image_bounds bounds(const KeyFrame&)`; see docs/traits.md");
+    constexpr bool guarded = detail::keyframe_has_v<K, detail::guard_member>;
+    static_assert(
+        guarded || !detail::has_name<detail::guard_name, T, detail::guard_names>(),
+        "turbomap: keyframe_traits::guard must be `static Lock guard(const KeyFrame&)`, and return by value what "
+        "holds the lock while it lives, e.g. std::unique_lock<std::mutex>; see docs/traits.md");
+    static_assert(
+        guarded || !(detail::keyframe_has_v<K, detail::near_keyframe_lock> ||
+                     detail::keyframe_has_v<K, detail::near_keyframe_get_guard>),
+        "turbomap: keyframe_traits has no `guard`, but a function of a similar name (lock, get_guard): rename it; "
+        "see docs/traits.md");
+  }
+  return true;  // an error has been said
 }
 
 TURBOMAP_END_NAMESPACE

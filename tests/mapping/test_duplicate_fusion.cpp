@@ -27,7 +27,8 @@ struct forgetful_map : flat_map {
 }  // namespace turbomap_test
 
 template <>
-struct turbomap::map_traits<turbomap_test::forgetful_map> : turbomap::map_traits<turbomap_test::flat_map> {
+struct turbomap::map_traits<turbomap_test::forgetful_map> final  // final: what is deleted on purpose is no mistake
+    : turbomap::map_traits<turbomap_test::flat_map> {
   using map = turbomap_test::forgetful_map;
   static void covariance() = delete;
   static void set_covariance() = delete;

@@ -98,10 +98,6 @@ TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
-struct observation_probe {
-  template <class Keyframe>
-  void operator()(Keyframe, std::size_t) const {}
-};
 struct any_probe {
   template <class T>
   void operator()(T) const {}
@@ -113,16 +109,6 @@ using keyframe_of = std::decay_t<typename T::keyframe>;
 template <class T>
 using point_of = std::decay_t<typename T::point>;
 template <class M, class T>
-using map_names_member =
-    std::void_t<typename T::keyframe, typename T::point, typename T::descriptor, typename T::camera>;
-template <class M, class T>
-using map_keyframe_member = std::void_t<
-    if_converts<decltype(T::id(std::declval<const M&>(), std::declval<keyframe_of<T>>())), std::uint64_t>,
-    if_converts<decltype(T::alive(std::declval<const M&>(), std::declval<keyframe_of<T>>())), bool>,
-    decltype(T::pose(std::declval<const M&>(), std::declval<keyframe_of<T>>()).qw),
-    if_converts<decltype(T::point_at(std::declval<const M&>(), std::declval<keyframe_of<T>>(), std::size_t{})),
-                point_of<T>>>;
-template <class M, class T>
 using map_keypoint_count_member =
     if_converts<decltype(T::keypoint_count(std::declval<const M&>(), std::declval<keyframe_of<T>>())), std::size_t>;
 template <class M, class T>
@@ -130,37 +116,6 @@ using map_keypoint_member = std::void_t<
     map_keypoint_count_member<M, T>,
     if_converts<decltype(T::keypoint(std::declval<const M&>(), std::declval<keyframe_of<T>>(), std::size_t{})),
                 turbomap::keypoint>>;
-template <class M, class T>
-using map_point_member = std::void_t<
-    if_converts<decltype(T::id(std::declval<const M&>(), std::declval<point_of<T>>())), std::uint64_t>,
-    if_converts<decltype(T::alive(std::declval<const M&>(), std::declval<point_of<T>>())), bool>,
-    if_converts<decltype(T::replacement(std::declval<const M&>(), std::declval<point_of<T>>())), point_of<T>>,
-    decltype(T::position(std::declval<const M&>(), std::declval<point_of<T>>()).z),
-    decltype(T::normal(std::declval<const M&>(), std::declval<point_of<T>>()).z),
-    if_converts<decltype(T::min_distance(std::declval<const M&>(), std::declval<point_of<T>>())), float>,
-    if_converts<decltype(T::max_distance(std::declval<const M&>(), std::declval<point_of<T>>())), float>,
-    if_converts<decltype(T::descriptor_data(std::declval<const M&>(), std::declval<point_of<T>>())),
-                const typename T::descriptor::element*>,
-    if_converts<decltype(T::reference(std::declval<const M&>(), std::declval<point_of<T>>())), keyframe_of<T>>>;
-template <class M, class T>
-using map_observations_member =
-    decltype(T::for_each_observation(std::declval<const M&>(), std::declval<point_of<T>>(), observation_probe{}));
-template <class M, class T>
-using map_write_member = std::void_t<
-    if_converts<decltype(T::add_point(std::declval<M&>(), std::declval<const vec3<double>&>(),
-                                      std::declval<keyframe_of<T>>())),
-                point_of<T>>,
-    decltype(T::set_appearance(std::declval<M&>(), std::declval<point_of<T>>(), std::declval<const vec3<float>&>(),
-                               float{}, float{}, std::declval<const typename T::descriptor::element*>())),
-    decltype(T::set_reference(std::declval<M&>(), std::declval<point_of<T>>(), std::declval<keyframe_of<T>>())),
-    decltype(T::set_point(std::declval<M&>(), std::declval<keyframe_of<T>>(), std::size_t{},
-                          std::declval<point_of<T>>())),
-    decltype(T::add_observation(std::declval<M&>(), std::declval<point_of<T>>(), std::declval<keyframe_of<T>>(),
-                                std::size_t{})),
-    decltype(T::erase_observation(std::declval<M&>(), std::declval<point_of<T>>(), std::declval<keyframe_of<T>>(),
-                                  std::size_t{})),
-    decltype(T::retire(std::declval<M&>(), std::declval<point_of<T>>(), std::declval<point_of<T>>())),
-    decltype(T::erase_keyframe(std::declval<M&>(), std::declval<keyframe_of<T>>()))>;
 template <class M, class T>
 using map_adjust_member = std::void_t<decltype(T::set_position(std::declval<M&>(), std::declval<point_of<T>>(),
                                                                std::declval<const vec3<double>&>())),
@@ -189,7 +144,10 @@ using map_temporal_member = std::void_t<decltype(T::time(std::declval<const M&>(
                                         decltype(T::previous(std::declval<const M&>(), std::declval<keyframe_of<T>>())),
                                         decltype(T::next(std::declval<const M&>(), std::declval<keyframe_of<T>>()))>;
 template <class M, class T>
-using map_guard_member = decltype(T::guard(std::declval<M&>()));
+using map_guard_member = if_lock<decltype(T::guard(std::declval<M&>()))>;
+/// Only the copy of a user's map that the library keeps has it: look_again.hpp.
+template <class M, class T>
+using map_look_member = decltype(T::look_again(std::declval<const M&>(), std::declval<point_of<T>>()));
 template <class M, class T>
 using map_all_member = std::void_t<decltype(T::for_each_keyframe(std::declval<const M&>(), any_probe{})),
                                    decltype(T::for_each_point(std::declval<const M&>(), any_probe{}))>;
@@ -214,47 +172,6 @@ inline constexpr bool describes_keypoints_v =
     map_has_v<Map, map_keypoint_member> || map_has_v<Map, keypoints_by_keyframe_traits>;
 
 }  // namespace detail
-
-/// True when map_traits<Map> has every required member.
-template <class Map>
-inline constexpr bool has_map_traits_v =
-    detail::has_members_v<Map, map_traits<Map>, detail::map_names_member, detail::map_keyframe_member,
-                          detail::map_point_member, detail::map_observations_member, detail::map_write_member>&&
-        detail::describes_keypoints_v<Map>;
-
-/// Explains in words what map_traits<Map> lacks: `static_assert(require_map_traits<Map>());`.
-template <class Map>
-constexpr bool require_map_traits() {
-  using M = Map;
-  using T = map_traits<Map>;
-  constexpr bool there = !detail::has_member<detail::not_specialised_member, M, T>::value;  // says one thing at a time
-  static_assert(there, "turbomap: specialise turbomap::map_traits for your map type; see docs/map.md");
-  constexpr bool named = there && detail::has_member<detail::map_names_member, M, T>::value;
-  static_assert(
-      !there || named,
-      "turbomap: map_traits needs `using keyframe`, `using point`, `using descriptor` and `using camera`; see "
-      "docs/map.md");
-  if constexpr (named) {
-    static_assert(
-        detail::has_member<detail::map_keyframe_member, M, T>::value,
-        "turbomap: map_traits lacks one of the reads of a keyframe: id, alive, pose, point_at; see docs/map.md");
-    static_assert(
-        detail::describes_keypoints_v<Map>,
-        "turbomap: map_traits needs keypoint_count and keypoint, unless a keyframe is named by a pointer to a "
-        "type with keyframe_traits; see docs/map.md");
-    static_assert(detail::has_member<detail::map_point_member, M, T>::value,
-                  "turbomap: map_traits lacks one of the reads of a point: id, alive, replacement, position, normal, "
-                  "min_distance, max_distance, descriptor_data, reference; see docs/map.md");
-    static_assert(
-        detail::has_member<detail::map_observations_member, M, T>::value,
-        "turbomap: map_traits needs `template <class F> static void for_each_observation(const Map&, point, F "
-        "f)`, which calls f(keyframe, keypoint); see docs/map.md");
-    static_assert(detail::has_member<detail::map_write_member, M, T>::value,
-                  "turbomap: map_traits lacks one of the writes: add_point, set_appearance, set_reference, set_point, "
-                  "add_observation, erase_observation, retire, erase_keyframe; see docs/map.md");
-  }
-  return has_map_traits_v<Map>;
-}
 
 /// The number of keypoints of a keyframe: by map_traits, or by keyframe_traits of what its name points to.
 template <class Map>
@@ -296,5 +213,11 @@ auto map_guard([[maybe_unused]] Map& map) {
   else
     return nullptr;
 }
+/// Whether map_traits<Map> have a guard. A system in which several threads use the map says so once, beside its traits:
+/// `static_assert(turbomap::guarded_v<my::Map>);`.
+template <class Map>
+inline constexpr bool guarded_v = detail::map_has_v<Map, detail::map_guard_member>;
 
 TURBOMAP_END_NAMESPACE
+
+#include "require_map_traits.hpp"

@@ -17,7 +17,8 @@ TURBOMAP_BEGIN_NAMESPACE
 /// and without the map's guard unless a comment says otherwise.
 template <class Map>
 struct local_mapper_hooks {
-  using keyframe = typename map_traits<Map>::keyframe;
+  static_assert(require_map_traits<Map>());
+  using keyframe = detail::named_keyframe_t<Map>;
 
   /// More keyframes wait: fusion, adjustment and keyframe culling are skipped for this one. Asked before each of them.
   std::function<bool()> keyframes_wait;

@@ -15,11 +15,6 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-namespace detail {
-template <class M, class T>
-using map_look_member = decltype(T::look_again(std::declval<const M&>(), std::declval<point_of<T>>()));
-}  // namespace detail
-
 /// Whether a map is a copy of the user's, in which a commit has to look again.
 template <class Map>
 inline constexpr bool is_copy_v = detail::map_has_v<Map, detail::map_look_member>;

@@ -66,7 +66,8 @@ auto guard_of([[maybe_unused]] const KeyFrame& keyframe) {
 template <class KeyFrame, class Descriptor, class Camera>
 keyframe_data<Descriptor, Camera> gather(const KeyFrame& keyframe, keyframe_buffer<Descriptor, Camera>& buffer) {
   keyframe_data<Descriptor, Camera> data;
-  if constexpr (require_keyframe_traits<KeyFrame>()) {
+  static_assert(require_keyframe_traits<KeyFrame>());
+  if constexpr (has_keyframe_traits_v<KeyFrame>) {
     using traits = keyframe_traits<KeyFrame>;
     static_assert(std::is_same_v<typename traits::descriptor, Descriptor>,
                   "turbomap: this store holds other descriptors than keyframe_traits<KeyFrame>::descriptor");

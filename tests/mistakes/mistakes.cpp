@@ -1,0 +1,164 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// Traits with one mistake in them, which the compiler is told by -D: mistakes.txt lists them with what must be said of each.
+/// Without any it compiles.
+
+#ifdef WITH_MAPPER
+#include <turbomap/local_mapper.hpp>
+#endif
+#include <turbomap/camera/pinhole.hpp>
+#include <turbomap/camera/rig.hpp>
+#include <turbomap/descriptor/binary.hpp>
+#include <turbomap/map/map_traits.hpp>
+#include <turbomap/traits.hpp>
+
+#include <mutex>
+#include <string>
+
+namespace my {
+struct Point {};
+struct KeyFrame {};
+struct Map {
+  std::mutex mutex;
+};
+}  // namespace my
+
+#ifndef NO_KEYFRAME_TRAITS
+template <>
+struct turbomap::keyframe_traits<my::KeyFrame> {
+#ifndef NO_DESCRIPTOR
+  using descriptor = turbomap::binary_descriptor<256>;
+#endif
+  using rig = turbomap::mono_rig<turbomap::pinhole<float>>;
+  static rig cameras(const my::KeyFrame&) { return {}; }
+#ifdef STRING_COUNT
+  static std::string keypoint_count(const my::KeyFrame&) { return {}; }
+#else
+  static std::size_t keypoint_count(const my::KeyFrame&) { return 0; }
+#endif
+#ifndef NO_KEYPOINT
+  static turbomap::keypoint keypoint(const my::KeyFrame&, std::size_t) { return {}; }
+#endif
+#ifdef FLOAT_DESCRIPTOR
+  static const float* descriptor_data(const my::KeyFrame&, std::size_t) { return nullptr; }
+#else
+  static const std::uint8_t* descriptor_data(const my::KeyFrame&, std::size_t) { return nullptr; }
+#endif
+#ifdef WRITING_KEYFRAME_GUARD
+  static std::unique_lock<std::mutex> guard(my::KeyFrame&) { return {}; }
+#endif
+#ifdef KEYFRAME_LOCK
+  static std::unique_lock<std::mutex> lock(const my::KeyFrame&) { return {}; }
+#endif
+#ifdef BOUNDS_OF_NOTHING
+  static turbomap::image_bounds bounds() { return {}; }
+#endif
+};
+#endif
+
+#ifndef NO_MAP_TRAITS
+template <>
+struct turbomap::map_traits<my::Map> {
+  using map = my::Map;
+  using keyframe = my::KeyFrame*;
+  using point = my::Point*;
+  using descriptor = turbomap::binary_descriptor<256>;
+#ifndef NO_CAMERA
+  using camera = turbomap::pinhole<float>;
+#endif
+#ifdef STRING_ID
+  static std::string id(const map&, keyframe) { return {}; }
+#else
+  static std::uint64_t id(const map&, keyframe) { return 0; }
+#endif
+  static bool alive(const map&, keyframe) { return true; }
+#ifdef VECTOR_POSE
+  static turbomap::vec3<double> pose(const map&, keyframe) { return {}; }
+#else
+  static turbomap::rigid_transform<double> pose(const map&, keyframe) { return {}; }
+#endif
+#ifndef NO_POINT_AT
+  static point point_at(const map&, keyframe, std::size_t) { return {}; }
+#endif
+  static std::uint64_t id(const map&, point) { return 0; }
+#ifndef NO_ALIVE_OF_POINT
+  static bool alive(const map&, point) { return true; }
+#endif
+  static point replacement(const map&, point) { return {}; }
+#ifdef WRITING_POSITION
+  static turbomap::vec3<double> position(map&, point) { return {}; }
+#else
+  static turbomap::vec3<double> position(const map&, point) { return {}; }
+#endif
+  static turbomap::vec3<float> normal(const map&, point) { return {}; }
+  static float min_distance(const map&, point) { return 0; }
+  static float max_distance(const map&, point) { return 0; }
+  static const std::uint8_t* descriptor_data(const map&, point) { return nullptr; }
+  static keyframe reference(const map&, point) { return {}; }
+  template <class F>
+  static void for_each_observation(const map&, point, F) {}
+  static point add_point(map&, const turbomap::vec3<double>&, keyframe) { return {}; }
+  static void set_appearance(map&, point, const turbomap::vec3<float>&, float, float, const std::uint8_t*) {}
+  static void set_reference(map&, point, keyframe) {}
+  static void set_point(map&, keyframe, std::size_t, point) {}
+  static void add_observation(map&, point, keyframe, std::size_t) {}
+  static void erase_observation(map&, point, keyframe, std::size_t) {}
+#ifndef NO_RETIRE
+  static void retire(map&, point, point) {}
+#endif
+  static void erase_keyframe(map&, keyframe) {}
+  static void set_pose(map&, keyframe, const turbomap::rigid_transform<double>&) {}
+#ifndef NO_SET_POSITION
+  static void set_position(map&, point, const turbomap::vec3<double>&) {}
+#endif
+
+#ifdef WRITING_MAY_ERASE
+  static bool may_erase(map&, keyframe) { return true; }
+#endif
+#ifdef CAN_ERASE
+  static bool can_erase(const map&, keyframe) { return true; }
+#endif
+#ifdef FOUND_RATIO_OF_KEYFRAME
+  static float found_ratio(const map&, keyframe) { return 1; }
+#endif
+#ifdef TIME_ALONE
+  static double time(const map&, keyframe) { return 0; }
+#endif
+#ifdef GUARD_OF_NOTHING
+  static std::unique_lock<std::mutex> guard() { return {}; }
+#endif
+#ifdef GUARD_IS_MUTEX
+  static std::mutex& guard(map& m) { return m.mutex; }
+#endif
+#ifdef GUARD_CALLED_LOCK
+  static std::unique_lock<std::mutex> lock(map& m) { return std::unique_lock<std::mutex>(m.mutex); }
+#else
+  using lock = std::lock_guard<std::mutex>;  // a type of the user's is no mistake
+#endif
+};
+#endif
+
+#ifdef UNGUARDED
+static_assert(turbomap::guarded_v<my::Map>, "my::Map is used by several threads");
+#endif
+
+#ifdef WITH_MAPPER
+void use(my::Map& map, my::KeyFrame& keyframe) {
+  turbomap::context ctx;
+  turbomap::keyframe_store<turbomap::binary_descriptor<256>, turbomap::pinhole<float>> store;
+  turbomap::local_mapper_hooks<my::Map> hooks;
+  hooks.stop = [] { return false; };
+  turbomap::local_mapper mapper(ctx, map, store, turbomap::local_mapper_options::monocular(), hooks);
+  mapper.insert(&keyframe, keyframe);
+  mapper.remove(1);
+  mapper.process(&keyframe);
+  const turbomap::mapping_report& report = mapper.report();
+  static_cast<void>(report);
+}
+#elif defined(KEYFRAME_ALONE)
+static_assert(turbomap::require_keyframe_traits<my::KeyFrame>());
+#else
+static_assert(turbomap::require_map_traits<my::Map>());
+#endif
