@@ -24,9 +24,9 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Shape of the classes and buckets: a compromise between comparing too much and reading too many windows, measured; no
 /// influence on results.
 struct epipolar_order_layout {
-  static constexpr int class_count = 2;  ///< each class is 4 times as wide as the one before; candidates wider than the
+  static constexpr int class_count = 1;  ///< each class is 4 times as wide as the one before; candidates wider than the
                                          ///< last are compared with every query
-  static constexpr float typical = 2;    ///< class 0 is this times the mean half-width of the table's candidates
+  static constexpr float typical = 4;    ///< class 0 is this times the mean half-width of the table's candidates
   static constexpr float widest = 1.0F / 3;  ///< but not wider, rad
   static constexpr float slack = 3e-4F;      ///< rad, added to every half-width
   static constexpr float pi = 3.14159265F;

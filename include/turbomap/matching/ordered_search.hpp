@@ -11,7 +11,6 @@
 
 #include "../config.hpp"
 #include "../context.hpp"
-#include "../descriptor/descriptor_concept.hpp"
 #include "candidate_scan.hpp"
 #include "ordered_tables.hpp"
 
@@ -75,7 +74,7 @@ struct ordered_search {
     const pair_geometry& g = search.pair(n, a, b);
     const plane_measure measure = tables.query_measure(g, a);
     const epipolar_table table = tables.view(n, a, b);
-    const auto* descriptors = tables.descriptors + (table.candidates - tables.sorted) * Descriptor::elements;
+    const auto descriptors = tables.descriptors_of(n, a, b);
     if (!chunk.collected || chunk.straight != g.straight) collect(measure, a, first, last, chunk);
     chunk.straight = g.straight;
     plane_interval intervals[chunk_size];
@@ -87,16 +86,9 @@ struct ordered_search {
       auto& distance = search.distance[n * search.slot_count + slot];
       candidate_scan<Descriptor, Camera> scan(search, n, keypoint, match, distance);
       table.windows(intervals[i], [&](std::int32_t begin, std::int32_t end) {
-        auto most = scan.best_distance();
-        const auto* candidate = descriptors + static_cast<std::int64_t>(begin) * Descriptor::elements;
-        for (std::int32_t k = begin; k < end; ++k, candidate += Descriptor::elements) {
-          if constexpr (detail::has_at_least_v<Descriptor>)
-            if (Descriptor::at_least(descriptor, candidate) > most) continue;
-          const auto d = Descriptor::distance(descriptor, candidate);
-          if (!(d <= most)) continue;
-          scan.consider(table.candidates[k], d);
-          most = scan.best_distance();
-        }
+        descriptors.visit_near(
+            descriptor, begin, end, [&] { return scan.best_distance(); },
+            [&](std::int32_t k, auto d) { scan.consider(table.candidates[k], d); });
       });
       match = scan.best();
       distance = scan.best_distance();

@@ -11,12 +11,12 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 
 #include "../config.hpp"
 #include "../context.hpp"
 #include "epipolar_order.hpp"
 #include "search_view.hpp"
+#include "window_descriptors.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -36,20 +36,18 @@ struct ordered_tables {
   std::int32_t* keypoints;  ///< those of the camera, before sorting
   plane_interval* intervals;
   std::int32_t* keys;
-  /// Of `sorted`, in its order: windows are read as a stream. Null: not copied.
+  /// Of `sorted`, in its order, each table by itself. Null: not copied.
   typename Descriptor::element* descriptors;
 
   epipolar_table view(int n, int a, int b) const {
-    const int cameras = search.query_cameras * search.neighbour_cameras;
-    const std::int64_t table = std::int64_t{n} * cameras + a * search.neighbour_cameras + b;
-    std::int64_t first;
-    if constexpr (of_candidates) {
-      const std::int64_t begin = search.candidate_offset[n], count = search.candidate_offset[n + 1] - begin;
-      first = cameras * begin + (a * search.neighbour_cameras + b) * count;
-    } else {
-      first = table * search.slot_count;
-    }
-    return {offsets + table * (epipolar_order_layout::total_buckets() + 1), sorted + first, narrowest + table};
+    const std::int64_t table = number(n, a, b);
+    return {offsets + table * (epipolar_order_layout::total_buckets() + 1), sorted + first(n, a, b), narrowest + table};
+  }
+  /// The descriptors of one table.
+  window_descriptors<Descriptor> descriptors_of(int n, int a, int b) const {
+    using row = window_descriptors<Descriptor>;
+    const auto before = static_cast<std::size_t>(first(n, a, b)), tables = static_cast<std::size_t>(number(n, a, b));
+    return {descriptors + before * (row::room(1) - row::room(0)) + tables * row::room(0), capacity(n)};
   }
   /// Measures the candidates (side b) of a pair.
   plane_measure candidate_measure(const pair_geometry& g, int n, int b) const {
@@ -73,6 +71,26 @@ struct ordered_tables {
     const vec3<float>& ray = search.query().bearing[keypoint];
     return measure(ray, measure.spread(ray.z, search.scale[search.query().octave[keypoint]]));
   }
+
+ private:
+  std::int64_t number(int n, int a, int b) const {
+    return (std::int64_t{n} * search.query_cameras + a) * search.neighbour_cameras + b;
+  }
+  /// Entries of each table of neighbour n.
+  std::size_t capacity(int n) const {
+    if constexpr (of_candidates)
+      return static_cast<std::size_t>(search.candidate_offset[n + 1] - search.candidate_offset[n]);
+    return static_cast<std::size_t>(search.slot_count);
+  }
+  /// Entries of all tables before.
+  std::int64_t first(int n, int a, int b) const {
+    if constexpr (of_candidates) {
+      const std::int64_t cameras = search.query_cameras * search.neighbour_cameras;
+      return cameras * search.candidate_offset[n] +
+             (a * search.neighbour_cameras + b) * static_cast<std::int64_t>(capacity(n));
+    }
+    return number(n, a, b) * search.slot_count;
+  }
 };
 
 /// Index = table (n, a, b).
@@ -85,16 +103,15 @@ struct build_ordered_table {
     const int b = i % search.neighbour_cameras, a = i / search.neighbour_cameras % search.query_cameras;
     const int n = i / (search.neighbour_cameras * search.query_cameras);
     epipolar_table table = tables.view(n, a, b);
-    const std::int64_t slice = table.candidates - tables.sorted;
+    const std::ptrdiff_t slice = table.candidates - tables.sorted;
     const bool used = b < search.neighbour(n).camera_count && search.compares(n, a, b);
     const int count = used ? collect(n, a, b, tables.keypoints + slice, tables.intervals + slice) : 0;
     table.build(tables.keypoints + slice, tables.intervals + slice, tables.keys + slice, count);
     if (tables.descriptors == nullptr) return;
-    auto* descriptors = tables.descriptors + slice * Descriptor::elements;
+    const auto descriptors = tables.descriptors_of(n, a, b);
+    const auto& from = tables.of_candidates ? search.neighbour(n) : search.query();
     for (int k = 0; k < count; ++k)
-      std::memcpy(descriptors + static_cast<std::int64_t>(k) * Descriptor::elements,
-                  (tables.of_candidates ? search.neighbour(n) : search.query()).descriptor_of(table.candidates[k]),
-                  Descriptor::elements * sizeof(*descriptors));
+      descriptors.set(static_cast<std::size_t>(k), from.descriptor_of(table.candidates[k]));
   }
 
  private:
@@ -151,8 +168,11 @@ ordered_tables<Descriptor, Camera, Side> take_tables(scratch_arena<Memory>& scra
   result.keypoints = scratch.template take<std::int32_t>(entries);
   result.intervals = scratch.template take<plane_interval>(entries);
   result.keys = scratch.template take<std::int32_t>(entries);
-  if (with_descriptors)
-    result.descriptors = scratch.template take<typename Descriptor::element>(entries * Descriptor::elements);
+  if (with_descriptors) {
+    using row = window_descriptors<Descriptor>;
+    result.descriptors = scratch.template take<typename Descriptor::element>(entries * (row::room(1) - row::room(0)) +
+                                                                             tables * row::room(0));
+  }
   return result;
 }
 
