@@ -58,14 +58,19 @@ template <class User, class Policy, class Methods, class Map>
 struct adjustment_on<local_adjustment<User, Policy, Methods>, Map> {
   using type = local_adjustment<Map, Policy, Methods>;
 };
+/// Whether an adjustment uses the IMU of the map, as inertial_adjustment: the mapper is in inertial mode then.
+template <class Adjustment, class = void>
+struct is_inertial : std::false_type {};
+template <class Adjustment>
+struct is_inertial<Adjustment, std::enable_if_t<Adjustment::inertial>> : std::true_type {};
 }  // namespace detail
 
 /// Local mapping: hand it keyframes, one after the other. One thread; tracking and loop closing may use the map meanwhile
 /// under the same guard (map_traits::guard), which is held to copy what a search reads and to apply what it found, never
 /// during a search: see docs/local_mapping.md for how long. Map, store and context must outlive the mapper.
 ///
-/// \tparam Adjustment  the stage that adjusts: local_adjustment with the precisions and solvers that options may name, or
-///                     no_adjustment
+/// \tparam Adjustment  the stage that adjusts: local_adjustment with the precisions and solvers that options may name,
+///                     inertial_adjustment for maps with an IMU (docs/inertial.md), or no_adjustment
 template <class Map, class Policy, class Adjustment = default_adjustment<Map, Policy>>
 class local_mapper {
  public:
@@ -94,6 +99,8 @@ class local_mapper {
         adjustment_(ctx),
         due_(ctx) {
     static_assert(require_map_traits<Map>());
+    static_assert(!inertial || !is_mirrored_v<Map>,
+                  "turbomap: a map that is mirrored cannot be adjusted with its IMU yet; see docs/inertial.md");
     require(options.deadline_ms >= 0, "options.deadline_ms", options.deadline_ms, "must not be negative");
     require(options.checked_share >= 0, "options.checked_share", options.checked_share, "must not be negative");
     require(options.most_views >= 0, "options.most_views", options.most_views, "must not be negative");
@@ -221,6 +228,7 @@ class local_mapper {
   using stage_point = typename stage_traits::point;
   using stage_function = void (local_mapper::*)(stage_keyframe, const scope&);
   static constexpr bool adjusts = !std::is_same_v<Adjustment, no_adjustment>;
+  static constexpr bool inertial = detail::is_inertial<Adjustment>::value;
   struct absent_adjustment {
     explicit absent_adjustment(context<Policy>&) {}
   };
@@ -423,14 +431,21 @@ class local_mapper {
       local_adjustment_options options = options_.adjustment;
       const double limit = options.solve.time_budget_ms;
       if (options_.deadline_ms > 0 && !(limit > 0 && limit < left)) options.solve.time_budget_ms = left;
-      report_.adjustment = adjustment_(s, current, options);
+      if constexpr (inertial)
+        report_.adjustment = adjustment_(s, current, options, options_.inertial);
+      else
+        report_.adjustment = adjustment_(s, current, options);
       due_.moved(adjustment_.points());
       due_.changed(adjustment_.points_that_lost_views());
     }
   }
 
   void cull(stage_keyframe current, const scope& s) {
-    const keyframe_culling_options& options = options_.keyframe_culling;
+    keyframe_culling_options options = options_.keyframe_culling;
+    if constexpr (inertial) {
+      const auto guard = s.guard();
+      options.inertial_initialised = Adjustment::is_initialised(s.map);
+    }
     for (const stage_keyframe& k :
          culling_.snapshot(s, current, options_.neighbours.neighbourhood, options.most_candidates)) {
       if (options.most_erased > 0 && report_.keyframes_culled.size() >= static_cast<std::size_t>(options.most_erased))
@@ -445,6 +460,7 @@ class local_mapper {
             s, current, k, options,
             [this](const stage_keyframe& redundant) {
               if (hooks_.erasing) hooks_.erasing(working_.name(redundant));
+              if constexpr (inertial) Adjustment::erasing(working_.get(), redundant);
             },
             [this](std::uint64_t id) {
               report_.keyframes_culled.push_back(id);

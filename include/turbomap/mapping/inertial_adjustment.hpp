@@ -139,6 +139,12 @@ class inertial_adjustment {
     commit_(s, gates, summary, moving_frame{window_, states_});
   }
 
+  /// \name What a local_mapper in inertial mode asks for besides. The caller holds the guard
+  /// @{
+  static bool is_initialised(const Map& map) { return inertial_traits<Map>::initialised(map); }
+  static void erasing(Map& map, const keyframe& redundant) { bridge_motion(map, redundant); }
+  /// @}
+
   /// As of local_adjustment.
   const list_of<point>& points() const { return is_inertial_ ? window_.points() : visual_.points(); }
   const list_of<point>& points_that_lost_views() const {

@@ -137,7 +137,8 @@ struct ignore_keyframe {
 /// observations that contradict each other are refused (inconsistent_map) with the keyframe, and all after it, as they were.
 /// The caller holds the guard of the map, or holds it for one candidate at a time by calling with one.
 ///
-/// Inertial systems: traits' erase_keyframe() merges the preintegration of the removed keyframe into its successor's.
+/// Inertial systems: bridge_motion() in `erasing`, or erase_keyframe() of the traits, merges the preintegration of the removed
+/// keyframe into its successor's.
 /// \param current     the keyframe that local mapping works on: the guards look back from it
 /// \param candidates  keyframes; dead ones and those that may_erase() protects are passed over
 /// \param records     one entry per candidate, appended

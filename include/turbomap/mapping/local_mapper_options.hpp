@@ -11,6 +11,7 @@
 #include "../matching/creation_plan.hpp"
 #include "../matching/search_options.hpp"
 #include "fusion_options.hpp"
+#include "inertial_adjustment_options.hpp"
 #include "local_adjustment_options.hpp"
 #include "mapping_report.hpp"
 #include "neighbour_search_options.hpp"
@@ -36,6 +37,7 @@ struct local_mapper_options {
   creation_options creation;
   fusion_options fusion;
   local_adjustment_options adjustment;
+  inertial_adjustment_options inertial;  ///< where the mapper is given an inertial_adjustment
   map_point_culling_options point_culling;
   keyframe_culling_options keyframe_culling;
 
@@ -63,12 +65,23 @@ struct local_mapper_options {
   /// Stereo with an inertial unit.
   static local_mapper_options stereo_inertial(double baseline, double max_depth, const pyramid& scales = {}) {
     local_mapper_options o = stereo(baseline, max_depth, scales);
-    o.creation.max_parallax_cosine = 0.9996;
-    o.neighbours.neighbourhood.temporal_neighbours = 11;
-    o.neighbours.neighbourhood.temporal_targets = 20;
+    o.set_inertial();
     o.keyframe_culling.redundant_share = 0.5F;
-    o.keyframe_culling.temporal_guards = true;
     return o;
+  }
+  /// One camera with an inertial unit.
+  static local_mapper_options monocular_inertial(const pyramid& scales = {}) {
+    local_mapper_options o = monocular(scales);
+    o.set_inertial();
+    return o;
+  }
+
+ private:
+  void set_inertial() {
+    creation.max_parallax_cosine = 0.9996;
+    neighbours.neighbourhood.temporal_neighbours = 11;
+    neighbours.neighbourhood.temporal_targets = 20;
+    keyframe_culling.temporal_guards = true;
   }
 };
 

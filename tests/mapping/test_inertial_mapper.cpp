@@ -1,0 +1,163 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+// Local mapping in inertial mode: the IMU takes part in adjustment, culling leaves no gap and merges motions, deadline and stop
+// hold.
+
+#include <doctest/doctest.h>
+
+#include <thrust/execution_policy.h>
+
+#include <turbomap/local_mapper.hpp>
+#include <turbomap/map/simple_map/simple_inertial_map.hpp>
+#include <turbomap/map/validate.hpp>
+#include <turbomap/mapping/inertial_adjustment.hpp>
+
+#include <atomic>
+#include <cmath>
+#include <vector>
+
+#include "scenes/mapping_scene.hpp"
+#include "support/policies.hpp"
+
+namespace {
+
+using namespace turbomap_test;
+using turbomap::isometry;
+using turbomap::preintegration;
+using turbomap::vec3;
+using inertial_map = turbomap::simple_inertial_map<turbomap::binary_descriptor<256>, pinhole_camera>;
+template <class Policy>
+using inertial_mapping = mapping_run<inertial_map, Policy, turbomap::inertial_adjustment<inertial_map, Policy>>;
+constexpr double step_s = 0.2;  // of a mapping_run
+
+/// What an IMU without errors measures on the way of a scene, which it follows in steps of constant acceleration.
+struct true_motion {
+  const mapping_scene<pinhole_camera>& scene;
+  vec3<double> gravity{0, 9.81, 0};
+
+  isometry<double> body(int n) const { return turbomap::inverse(turbomap::to_isometry<double>(scene.pose(n))); }
+  vec3<double> velocity(int n) const {
+    using turbomap::operator*;
+    return (0.5 / step_s) * (body(n + 1).t - body(n - 1).t);
+  }
+  preintegration<double> between(int i, int j) const {
+    using turbomap::operator*;
+    const double dt = step_s * (j - i);
+    std::vector<std::int64_t> t;
+    std::vector<turbomap::imu_sample> rest;
+    for (int k = 0; k <= 40 * (j - i); ++k) t.push_back(k * 5'000'000LL), rest.push_back({{0, 0, 0}, {0, 0, 9.81}});
+    const turbomap::imu_samples samples{t, rest};
+    auto p = turbomap::preintegrate(samples, turbomap::find_interval(samples, 0, t.back()),
+                                    turbomap::imu_bias<double>{}, {});
+    const auto a = body(i), b = body(j);
+    const auto R = turbomap::transpose(a.R);
+    p.dt = dt, p.dR = R * b.R, p.dV = R * (velocity(j) - velocity(i) - dt * gravity);
+    p.dP = R * (b.t - a.t - dt * velocity(i) - 0.5 * dt * dt * gravity);
+    return p;
+  }
+};
+
+turbomap::local_mapper_options options_of(const mapping_recipe& recipe) {
+  auto o = turbomap::local_mapper_options::stereo_inertial(0.11, 6, recipe.scales);
+  o.keyframe_culling.redundant_share = 0.02F, o.keyframe_culling.observers = 1;
+  o.keyframe_culling.keep_keyframes = 8, o.keyframe_culling.max_gap = 0.45, o.keyframe_culling.max_old_gap = 1.05;
+  return o;
+}
+
+/// The next keyframe, with what its IMU measured since the one before.
+template <class Policy>
+turbomap::map_keyframe_id track(inertial_mapping<Policy>& run, const true_motion& motion) {
+  const auto k = run.track();
+  const int n = static_cast<int>(run.keyframes().size()) - 1;
+  run.map.set_velocity(k, motion.velocity(n));
+  if (n > 0) run.map.set_motion(k, motion.between(n - 1, n));
+  return k;
+}
+
+TEST_CASE_TEMPLATE("keyframes are culled, and the chain of motions stays whole", Policy, TURBOMAP_TEST_TWO_POLICIES) {
+  mapping_recipe recipe;
+  recipe.pixel_noise = 0.4;
+  const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
+  const true_motion motion{scene};
+  const auto options = options_of(recipe);
+  inertial_mapping<Policy> run(scene, options);
+  run.map.set_gravity(motion.gravity);
+  std::size_t culled = 0, merged = 0;
+  for (int n = 0; n < 30; ++n) {
+    CAPTURE(n);
+    const auto k = track(run, motion);
+    run.map.set_initialised(n >= 10);
+    const auto& report = run.mapper.process(k);
+    CHECK(report.refused.empty());
+    CHECK(report.adjustment.inertial == (n >= 10));
+    if (n >= 10) CHECK(report.adjustment.inertial_edges > 0);
+    culled += report.keyframes_culled.size();
+    REQUIRE(turbomap::validate(run.map).empty());
+    CHECK((report.keyframes_culled.empty() || run.map.keyframe_count() >= 8));
+    std::vector<int> left;
+    for (int i = 0; i <= n; ++i)
+      if (run.map.alive(run.keyframes()[static_cast<std::size_t>(i)])) left.push_back(i);
+    REQUIRE(left.size() == run.map.keyframe_count());
+    for (std::size_t i = 1; i < left.size(); ++i) {
+      const double gap = step_s * (left[i] - left[i - 1]);
+      CHECK(gap < 1.05);
+      if (n < 10) CHECK(gap < 0.45);
+      const auto* p = run.map.motion(run.keyframes()[static_cast<std::size_t>(left[i])]);
+      REQUIRE(p != nullptr);
+      const auto expected = motion.between(left[i - 1], left[i]);
+      CHECK(std::abs(p->dt - expected.dt) < 1e-9);
+      CHECK(turbomap::norm(p->dP - expected.dP) < 1e-9);
+      CHECK(turbomap::norm(p->dV - expected.dV) < 1e-9);
+      merged += left[i] - left[i - 1] > 1 ? 1 : 0;
+    }
+    for (int last = n; last > n - 3 && last >= 0; --last) CHECK(left[left.size() - 1 - (n - last)] == last);
+  }
+  CHECK(culled > 4);
+  CHECK(merged > 20);
+}
+
+TEST_CASE("stop and deadline leave the inertial stage out") {
+  mapping_recipe recipe;
+  const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
+  const true_motion motion{scene};
+  bool stop = false;
+  turbomap::local_mapper_hooks<inertial_map> hooks;
+  hooks.stop = [&] { return stop; };
+  inertial_mapping<sequential> run(scene, options_of(recipe), hooks);
+  run.map.set_gravity(motion.gravity), run.map.set_initialised(true);
+  for (int n = 0; n < 6; ++n) run.mapper.process(track(run, motion));
+  const auto adjusting = turbomap::mapping_stage::adjustment;
+  stop = true;
+  CHECK(run.mapper.process(track(run, motion)).outcome[adjusting] == turbomap::stage_outcome::skipped);
+  stop = false;
+  run.mapper.options().deadline_ms = 1e-6;
+  CHECK(run.mapper.process(track(run, motion)).outcome[adjusting] == turbomap::stage_outcome::cut);
+  run.mapper.options().deadline_ms = 0;
+  const std::atomic<bool> flag{true};
+  run.mapper.options().adjustment.solve.stop = &flag;
+  CHECK(run.mapper.process(track(run, motion)).adjustment.solve.end == turbomap::adjustment_end::stopped);
+}
+
+TEST_CASE("a motion that cannot be used is reported, and mapping goes on; strict: it ends the stage") {
+  mapping_recipe recipe;
+  const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
+  const true_motion motion{scene};
+  inertial_mapping<sequential> run(scene, options_of(recipe));
+  run.map.set_gravity(motion.gravity), run.map.set_initialised(true);
+  for (int n = 0; n < 6; ++n) run.mapper.process(track(run, motion));
+  const auto k = track(run, motion);
+  auto p = *run.map.motion(k);
+  p.dP.y = std::nan("");
+  run.map.set_motion(k, p);
+  const auto& report = run.mapper.process(k);
+  REQUIRE(report.refused.size() == 1);
+  CHECK(report.refused[0].fault == turbomap::map_fault::bad_motion);
+  CHECK(report.adjustment.inertial);
+  CHECK(report.adjustment.solve.accepted > 0);
+  run.mapper.options().strict = true;
+  CHECK_THROWS_AS(run.mapper.process(track(run, motion)), turbomap::inconsistent_map);
+  CHECK(turbomap::validate(run.map).empty());
+}
+
+}  // namespace
