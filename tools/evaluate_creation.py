@@ -4,11 +4,13 @@
 """Replays recordings under several options and prints what became of their maps, as Markdown.
 
 Recordings: those of DATA/recordings, and simulated ones (rigs x trajectories x noise x seeds; figures are medians over the
-seeds). Variants: every combination of --creation and --associate that this turbomap-replay knows. Simulated recordings and
+seeds). Variants: every combination of --creation and --associate that this turbomap-replay knows, or the options that
+--variants names. Simulated recordings and
 results are kept in the work folder: a run that was cut off goes on where it was, and results are made anew when the program
 has changed. Stage times are those of replays that ran side by side: use --jobs 1 for times to be quoted.
 
     tools/evaluate_creation.py --jobs 16 --out creation.md
+    tools/evaluate_creation.py --jobs 16 --variants "as it is: ; global at the end: --global-adjustment end"
 """
 
 import argparse
@@ -46,6 +48,7 @@ def parse_arguments():
     p.add_argument("--drift", default="0.01", help="of the poses that come in, m per m; less would tell mapping what it has to find")
     p.add_argument("--no-recorded", action="store_true", help="simulated recordings only")
     p.add_argument("--policy", default="seq")
+    p.add_argument("--variants", default="", help="'NAME: OPTIONS; NAME: OPTIONS', the baseline first; instead of the usual ones")
     p.add_argument("--options", default="", help="for every replay, e.g. '--candidates exhaustive'")
     p.add_argument("--out", type=pathlib.Path, help="file of the tables; default: stdout")
     return p.parse_args()
@@ -103,16 +106,19 @@ def digest(program, cache={}):
     return cache[program]
 
 
-def variants(replay):
-    """{name: options}, of the options that the program has."""
+def variants(replay, given):
+    """{name: options}: as given, or of the options that the program has."""
     text = subprocess.run([replay, "--help"], capture_output=True, text=True, check=True).stdout
-    known = {option: values for option, values in VARIED.items() if re.search(rf"{option}\b", text)}
-    made = {}
-    for values in itertools.product(*known.values()):
-        options = [word for pair in zip(known, values) for word in pair]
-        if made and "--no-bound" in text:  # that of the first variant holds for all
+    if given:
+        named = [one.partition(":") for one in given.split(";")]
+        made = {name.strip(): options.split() for name, _, options in named}
+    else:
+        known = {option: values for option, values in VARIED.items() if re.search(rf"{option}\b", text)}
+        combined = itertools.product(*known.values())
+        made = {", ".join(values) or "as it is": [w for pair in zip(known, values) for w in pair] for values in combined}
+    for options in list(made.values())[1:]:
+        if "--no-bound" in text:  # that of the first variant holds for all
             options.append("--no-bound")
-        made[", ".join(values) or "as it is"] = options
     return made
 
 
@@ -161,6 +167,7 @@ def figures(found):
         "input, mm": mm("ate_input_rmse_m"),
         "bound, mm": mm("ate_batch_rmse_m"),
         "peer, mm": mm("peer_ate_rmse_m"),
+        "before the whole map was adjusted, mm": mm("ate_before_global_rmse_m"),
         "ATE, mm": mm("ate_rmse_m"),
         "ATE / bound": ratio(mm("ate_rmse_m"), mm("ate_batch_rmse_m")),
         "ATE / peer": ratio(mm("ate_rmse_m"), mm("peer_ate_rmse_m")),
@@ -181,6 +188,7 @@ def figures(found):
     for key in judged:  # counts of what is wrong, each beside the count of all
         if key.endswith("_wrong") and key[:-len("_wrong")] in judged:
             values[f"wrong of {key[:-len('_wrong')].replace('_', ' ')}, %"] = ratio(judged[key], judged[key[:-len("_wrong")]], 100)
+    values["whole map, ms"] = get(found, "global_adjustment", "ms_last")
     for stage in ("search", "creation", "fusion", "adjustment", "total"):
         values[f"{stage}, ms"] = get(found, "stages", stage, "ms_mean")
     return values
@@ -250,7 +258,7 @@ def main():
         if not needed.exists():
             sys.exit(f"evaluate_creation: {needed} is not there: ./quickstart build, or --bin")
     (args.work / "recordings").mkdir(parents=True, exist_ok=True)
-    by_variant = variants(program)
+    by_variant = variants(program, args.variants)
     faults, results = [], {}
     real, made = recorded(args), simulated(args)
 

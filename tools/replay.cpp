@@ -121,6 +121,16 @@ int main(int argc, char** argv) try {
          "--second-shared", a.second_shared,
          "adjust keyframes too that share so many points with one that shares enough with the current one; 0: none")
       ->check(CLI::NonNegativeNumber);
+  std::string global;
+  app.add_option("--global-adjustment", global,
+                 "adjust all of the map together: 'end', after the last keyframe, or a number, after so many keyframes "
+                 "each (replay mode)")
+      ->check(CLI::IsMember({"end"}) | CLI::PositiveNumber);
+  app.add_option("--culling-observers", a.culling_observers,
+                 "a point is redundant in a keyframe when more than so many others see it")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--culling-share", a.culling_share, "a keyframe is, when more than this share of its points is")
+      ->check(CLI::Range(0.0, 1.0));
   std::string associate = "recorded";
   app.add_option("--associate", associate,
                  "where keypoints get points of the map from: the recorded associations, or those and the local map, "
@@ -167,6 +177,8 @@ int main(int argc, char** argv) try {
   }
   if (!stages.empty()) choose_stages(stages, a);
   a.objects = map == "objects";
+  a.global_end = global == "end";
+  if (!global.empty() && !a.global_end) a.global_every = std::stoi(global);
   if (a.objects && (a.check || a.policy == "cuda" || std::count(a.beside.begin(), a.beside.end(), "cuda") != 0))
     throw std::invalid_argument("--map objects: not together with --check or the policy cuda");
   a.growth = a.growth || !a.growth_file.empty();

@@ -19,6 +19,7 @@
 #include "map/neighbourhood.hpp"
 #include "mapping/due_appearances.hpp"
 #include "mapping/duplicate_fusion.hpp"
+#include "mapping/global_adjustment.hpp"
 #include "mapping/keyframe_culling.hpp"
 #include "mapping/local_adjustment.hpp"
 #include "mapping/local_mapper_hooks.hpp"
@@ -63,6 +64,13 @@ template <class Adjustment, class = void>
 struct is_inertial : std::false_type {};
 template <class Adjustment>
 struct is_inertial<Adjustment, std::enable_if_t<Adjustment::inertial>> : std::true_type {};
+/// With the same solvers.
+template <class Adjustment, class Map>
+struct global_on;
+template <template <class, class, class> class Adjustment, class User, class Policy, class Methods, class Map>
+struct global_on<Adjustment<User, Policy, Methods>, Map> {
+  using type = global_adjustment<Map, Policy, Methods>;
+};
 }  // namespace detail
 
 /// Local mapping: hand it keyframes, one after the other. One thread; tracking and loop closing may use the map meanwhile
@@ -178,6 +186,28 @@ class local_mapper {
     report_.total_ms = budget_.elapsed_ms();
     ++iteration_;
     return report_;
+  }
+
+  /// Adjusts the whole map that a keyframe is part of, on request: after a loop was closed, at the end of a session. See
+  /// global_adjustment for what moves and what is thrown. Then the appearances of what moved are computed. For the thread
+  /// that calls process(), between two calls; held(), refused and points_updated of the last report() grow.
+  /// \return what was done; stale: the keyframe is not in the map, or somebody moved a keyframe meanwhile
+  local_adjustment_summary adjust_globally(const keyframe& anyone, const global_adjustment_options& options) {
+    static_assert(adjusts, "turbomap: this local_mapper compiles no solver (no_adjustment)");
+    const scope s = scope_of(mapping_stage::adjustment);
+    stage_keyframe k;
+    {
+      const auto guard = s.guard();
+      working_.begin();  // a mirror hears what was reported
+      k = working_.number(anyone);
+    }
+    typename detail::global_on<Adjustment, stage_map>::type adjustment(ctx_);
+    const local_adjustment_summary summary = adjustment(s, k, options);
+    if (summary.solve.accepted == 0) return summary;
+    due_.moved(adjustment.points());
+    due_.changed(adjustment.points_that_lost_views());
+    update_due(mapping_stage::adjustment);
+    return summary;
   }
 
   /// Normals and distance ranges of points whose position was changed, e.g. in the adjust hook: during process() they are

@@ -6,6 +6,7 @@
 /// A small map with its truth to adjust, in any type of map, and what one adjustment leaves of it.
 
 #include <turbomap/map/map_edit.hpp>
+#include <turbomap/mapping/global_adjustment.hpp>
 #include <turbomap/mapping/local_adjustment.hpp>
 
 #include <cmath>
@@ -181,6 +182,12 @@ struct adjustment_run {
     stored.add(traits::id(scene.map, k), store.insert(data));
   }
   turbomap::mapping_scope<Map, Policy> scope() { return {ctx, scene.map, store, stored, held}; }
+  /// All of the map: global_adjustment with memory of its own, as after a loop was closed.
+  turbomap::local_adjustment_summary adjust_globally(std::size_t anyone,
+                                                     const turbomap::global_adjustment_options& options = {}) {
+    turbomap::global_adjustment<Map, Policy, turbomap::every_adjustment_method> global(ctx);
+    return global(scope(), scene.keyframes[anyone], options);
+  }
   turbomap::local_adjustment_summary operator()(std::size_t current,
                                                 const turbomap::local_adjustment_options& options = {}) {
     return adjust(scope(), scene.keyframes[current], options);
@@ -192,6 +199,13 @@ template <class Policy, class Map>
 turbomap::local_adjustment_summary adjust_around(const Policy& policy, local_scene<Map>& scene, std::size_t current,
                                                  const turbomap::local_adjustment_options& options = {}) {
   return adjustment_run<Map, Policy>(policy, scene)(current, options);
+}
+
+/// One adjustment of all that is connected with a keyframe, with memory of its own.
+template <class Policy, class Map>
+turbomap::local_adjustment_summary adjust_globally(const Policy& policy, local_scene<Map>& scene, std::size_t anyone,
+                                                   const turbomap::global_adjustment_options& options = {}) {
+  return adjustment_run<Map, Policy>(policy, scene).adjust_globally(anyone, options);
 }
 
 }  // namespace turbomap_test

@@ -244,6 +244,19 @@ TEST_CASE("what adjustment moves, and what outliers leave, is described anew") {
   std::size_t outliers = 0;
   for (int n = 0; n < 8; ++n) outliers += run.step().adjustment.outliers;
   CHECK(outliers > 10);
+  SUBCASE("around the last keyframe") {}
+  SUBCASE("everywhere") {
+    turbomap::global_adjustment_options options;
+    options.scales = c.recipe.scales, options.stereo_chi2 = options.mono_chi2 = 0.5;
+    const std::size_t updated = run.mapper.report().points_updated;
+    const auto last = run.keyframes().back();
+    const auto summary = run.mapper.adjust_globally(last, options);
+    CHECK(summary.free_keyframes + 1 == run.map.keyframe_count());
+    CHECK(summary.solve.accepted > 0);
+    CHECK(summary.outliers > 10);
+    CHECK(run.mapper.report().points_updated > updated + run.map.point_count() / 2);
+    CHECK(run.mapper.adjust_globally({}, options).stale);
+  }
   std::vector<turbomap::map_point_id> all;
   turbomap::map_traits<map_type>::for_each_point(run.map, [&](turbomap::map_point_id p) { all.push_back(p); });
   const std::string now = content(run.map);

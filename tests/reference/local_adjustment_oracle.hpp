@@ -68,6 +68,29 @@ inline oracle_window window_by_definition(const oracle_sightings& seen, std::uin
   return w;
 }
 
+/// Free: all keyframes that are connected with `anyone` through shared points, but not the origin; with none fixed the
+/// oldest is.
+inline oracle_window connected_by_definition(const oracle_sightings& seen, std::uint64_t anyone,
+                                             std::optional<std::uint64_t> origin) {
+  oracle_window w;
+  oracle_ids all{anyone};
+  for (std::size_t before = 0; before != all.size();) {
+    before = all.size();
+    for (const auto k : all)
+      for (const auto& [p, unused] : seen.at(k)) w.points.insert(p);
+    for (const auto& [k, points] : seen)
+      for (const auto& [p, unused] : points)
+        if (w.points.count(p) != 0) all.insert(k);
+  }
+  for (const auto k : all)
+    for (const auto& [p, keypoints] : seen.at(k)) w.observations += keypoints.size();
+  if (origin && all.count(*origin) != 0) w.fixed.insert(*origin);
+  if (w.fixed.empty()) w.fixed.insert(*all.begin());
+  for (const auto k : all)
+    if (w.fixed.count(k) == 0) w.free.insert(k);
+  return w;
+}
+
 /// An observation that may be an outlier. Stereo ones are two measurements.
 struct oracle_observation {
   std::uint64_t keyframe, point;

@@ -43,6 +43,10 @@ struct arguments {
   std::string numbers = "mixed";                   ///< of adjustments: float64, mixed or float32
   double stereo_correlation = -1;                  ///< of the errors of u and u_right; negative: correlation() knows
   int second_shared = 0;                           ///< local_adjustment_options::second_min_shared_points
+  int global_every = 0;                            ///< all of the map is adjusted after so many keyframes; 0: never
+  bool global_end = false;                         ///< ... and at the end
+  int culling_observers = -1;                      ///< keyframe_culling_options::observers; negative: its default
+  float culling_share = -1;                        ///< ... redundant_share, likewise
   bool projected = false;                          ///< the local map is looked for in each keyframe, besides
   bool uncertain_tracking = false;                 ///< tracking's poses and gate know how well points are known
   bool uncertain_fusion = false;                   ///< fusion's gate does

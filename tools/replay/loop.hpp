@@ -34,6 +34,13 @@ struct replay_row {
   std::size_t points_seen = 0, views = 0;                   ///< the keyframe's points, and all their observations
 };
 
+/// Adjustments of the whole map.
+struct global_result {
+  std::vector<turbomap::rigid_transform<double>> T_cw_before;  ///< the last one; by keyframe, as replay_result::T_cw
+  turbomap::local_adjustment_summary last;
+  std::vector<double> ms;  ///< each, with the appearances after it
+};
+
 /// What a replay leaves behind. Vectors by keyframe of the recording.
 struct replay_result {
   std::vector<replay_row> rows;
@@ -41,7 +48,8 @@ struct replay_result {
   std::vector<std::uint8_t> alive;
   std::vector<turbomap::vec3<double>> points;
   std::vector<std::int32_t> point_observations;
-  std::size_t associations = 0, associations_kept = 0;        ///< of tracking
+  std::size_t associations = 0, associations_kept = 0;  ///< of tracking
+  global_result global;
   std::size_t keyframes_left = 0, faults = 0;                 ///< faults: of validate() on the final map
   std::string map_digest;                                     ///< of the final map
   std::size_t projected = 0, projected_kept = 0;              ///< associations by projection; not forgotten as outliers
@@ -72,6 +80,8 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording& 
   o.adjustment.solve.numbers = a.precision();
   o.adjustment.stereo_correlation = a.correlation(recording);
   o.adjustment.second_min_shared_points = a.second_shared;
+  if (a.culling_observers >= 0) o.keyframe_culling.observers = a.culling_observers;
+  if (a.culling_share >= 0) o.keyframe_culling.redundant_share = a.culling_share;
   o.covariances = a.uncertain_tracking || a.uncertain_fusion;
   o.fusion.covariances = a.uncertain_fusion;
   o.deadline_ms = a.deadline_ms;
@@ -118,9 +128,10 @@ class replayer {
       turbomap_program::progress bar("replay under " + arguments_.policy, recording_.keyframe_count());
       for (std::size_t i = 0; i < recording_.keyframe_count(); ++i, bar.advance()) step(static_cast<std::int32_t>(i));
     }
+    if (arguments_.global_end && recording_.keyframe_count() != 0) adjust_globally();
     const auto& map = world_.map();
+    result_.T_cw = poses();
     for (std::size_t i = 0; i < recording_.keyframe_count(); ++i) {
-      result_.T_cw.push_back(world_.T_cw(static_cast<std::int32_t>(i)));
       result_.alive.push_back(world_.alive(static_cast<std::int32_t>(i)) ? 1 : 0);
     }
     traits::for_each_point(map, [&](const point& p) {
@@ -171,6 +182,23 @@ class replayer {
       traits::for_each_observation(world_.map(), p, [&](const auto&, std::size_t) { ++row.views; });
     }
     result_.rows.push_back(std::move(row));
+    if (arguments_.global_every > 0 && (i + 1) % arguments_.global_every == 0) adjust_globally();
+  }
+  /// All of the map that the last keyframe is part of.
+  void adjust_globally() {
+    turbomap::global_adjustment_options options;
+    static_cast<turbomap::local_adjustment_options&>(options) = mapper_.options().adjustment;
+    options.solve = turbomap::global_adjustment_options().solve;
+    options.solve.numbers = arguments_.precision();
+    result_.global.T_cw_before = poses();
+    const double begin = now_ms();
+    result_.global.last = mapper_.adjust_globally(world_.id(query_), options);
+    result_.global.ms.push_back(now_ms() - begin);
+  }
+  std::vector<turbomap::rigid_transform<double>> poses() const {
+    std::vector<turbomap::rigid_transform<double>> T_cw;
+    for (std::size_t i = 0; i < world_.size(); ++i) T_cw.push_back(world_.T_cw(static_cast<std::int32_t>(i)));
+    return T_cw;
   }
 
   /// What the recorded associations left out, and the pose again.

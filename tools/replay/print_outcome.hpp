@@ -23,6 +23,8 @@ inline void print_trajectory_errors(const nlohmann::json& json) {
   std::printf("ATE %.4f m", ate);
   if (json.contains("peer_ate_rmse_m"))
     std::printf(" (peer, after its adjustment: %.4f m)", json["peer_ate_rmse_m"].get<double>());
+  if (json.contains("ate_before_global_rmse_m"))
+    std::printf("\n  before the adjustment of the whole map: %.4f m", json["ate_before_global_rmse_m"].get<double>());
   std::printf("\n  of the poses that came in: %.4f m\n", json["ate_input_rmse_m"].get<double>());
   if (!json.contains("ate_batch_rmse_m")) return;
   const double bound = json["ate_batch_rmse_m"];

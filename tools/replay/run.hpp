@@ -148,6 +148,16 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
     o.json["associations_projected_right"] = result.projected_right;
     o.json["associations_projected_kept_right"] = result.projected_kept_right;
   }
+  if (!result.global.ms.empty()) {
+    const auto& last = result.global.last;
+    o.json["global_adjustment"] = {
+        {"times", result.global.ms.size()},      {"ms_last", result.global.ms.back()},
+        {"iterations", last.solve.iterations},   {"end", turbomap::to_string(last.solve.end)},
+        {"free_keyframes", last.free_keyframes}, {"points", last.points},
+        {"observations", last.observations},     {"outliers", last.outliers}};
+    if (!arguments.quiet && arguments.global_end && recording.has_ground_truth())
+      o.json["ate_before_global_rmse_m"] = trajectory_error(recording, result.global.T_cw_before, result.alive);
+  }
   if (!arguments.quiet) {
     add_trajectory_errors<Camera>(recording, policy, result.T_cw, result.alive, o.json, arguments.bound);
     print_outcome(o.json, stages);

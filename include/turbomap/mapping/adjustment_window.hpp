@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// What a local adjustment takes of the user's map: keyframes that move, keyframes that hold them in place, the points that
+/// What an adjustment takes of the user's map: keyframes that move, keyframes that hold them in place, the points that
 /// they see, and every observation of these points.
 
 #include <cstddef>
@@ -15,8 +15,8 @@
 #include "../map/numbering.hpp"
 #include "../map/validate.hpp"
 #include "../plain_vector.hpp"
+#include "../span.hpp"
 #include "keyframe_selection.hpp"
-#include "local_adjustment_options.hpp"
 #include "stage.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -49,21 +49,38 @@ class adjustment_window {
               int second_min_shared_points) {
     const Map& map = s.map;
     clear();
-    if (add_frame(map, s.stored, current, is_origin(map, current), s.faults) == id_table::none) return;
+    if (add_frame(map, s.stored, current, false, s.faults) == id_table::none) return;
     const auto can_use = [&](keyframe k) { return s.can_use(k); };
     for (const auto& c : covisibility_(map, current, min_shared_points, no_limit, can_use))
-      add_frame(map, s.stored, c.keyframe, is_origin(map, c.keyframe), s.faults);
+      add_frame(map, s.stored, c.keyframe, false, s.faults);
     const std::size_t first_order = second_min_shared_points > 0 ? frames_.size() : 0;
     for (std::size_t f = 1; f < first_order; ++f)
       for (const auto& c : covisibility_(map, frames_[f], second_min_shared_points, no_limit, can_use))
-        add_frame(map, s.stored, c.keyframe, is_origin(map, c.keyframe), s.faults);
+        add_frame(map, s.stored, c.keyframe, false, s.faults);
     const std::size_t local = frames_.size();
-    for (std::size_t f = 0; f < local; ++f) {
-      const std::size_t keypoints = keypoint_count_of(map, frames_[f]);
-      for (std::size_t i = 0; i < keypoints; ++i)
-        add_point(map, s.stored, traits::point_at(map, frames_[f], i), s.faults);
-    }
+    for (std::size_t f = 0; f < local; ++f) add_points_of(map, s.stored, f, true, s.faults);
     hold_something(local);
+  }
+  /// All keyframes that are connected with one through shared points are free, but for the origin.
+  /// The rest as gather(). O(observations of these keyframes).
+  template <class Policy>
+  void gather_connected(const mapping_scope<Map, Policy>& s, keyframe anyone) {
+    clear();
+    if (add_frame(s.map, s.stored, anyone, false, s.faults) == id_table::none) return;
+    for (std::size_t f = 0; f < frames_.size(); ++f)
+      if (traits::alive(s.map, frames_[f])) add_points_of(s.map, s.stored, f, false, s.faults);
+    hold_something(frames_.size());
+  }
+  /// These keyframes are free, but for the origin. The rest as gather(); dead ones are passed over. O(observations of their
+  /// points).
+  template <class Policy>
+  void gather_these(const mapping_scope<Map, Policy>& s, span<const keyframe> keyframes) {
+    clear();
+    for (const keyframe& k : keyframes)
+      if (!(k == keyframe{}) && traits::alive(s.map, k)) add_frame(s.map, s.stored, k, false, s.faults);
+    const std::size_t named = frames_.size();
+    for (std::size_t f = 0; f < named; ++f) add_points_of(s.map, s.stored, f, true, s.faults);
+    if (named != 0) hold_something(named);
   }
   void clear() {
     frames_.clear(), fixed_.clear();
@@ -93,10 +110,11 @@ class adjustment_window {
     else
       return false;
   }
-  /// Its number, or id_table::none when it is not in the store.
-  std::size_t add_frame(const Map& map, const handle_table& stored, keyframe k, bool fixed, fault_sink faults) {
+  /// Fixed if asked for, and if it is the origin or no longer in the map.
+  /// \return its number, or id_table::none when it is not in the store
+  std::size_t add_frame(const Map& map, const handle_table& stored, keyframe k, bool hold, fault_sink faults) {
     const std::size_t known = frames_.size(), at = frames_.place(map, k, stored, faults);
-    if (at == known) fixed_.push_back(fixed ? 1 : 0);
+    if (at == known) fixed_.push_back(hold || is_origin(map, k) || !traits::alive(map, k) ? 1 : 0);
     return at;
   }
   /// Takes in a point that is alive, has a position and is not there yet. \return whether it was
@@ -119,11 +137,17 @@ class adjustment_window {
     rows_landmark_.push_back(static_cast<std::int32_t>(number));
     rows_keypoint_.push_back(static_cast<std::int32_t>(keypoint));
   }
-  void add_point(const Map& map, const handle_table& stored, point p, fault_sink faults) {
+  /// \param hold  keyframes that come in with them are fixed; else only the origin is
+  void add_points_of(const Map& map, const handle_table& stored, std::size_t f, bool hold, fault_sink faults) {
+    const std::size_t keypoints = keypoint_count_of(map, frames_[f]);
+    for (std::size_t i = 0; i < keypoints; ++i)
+      add_point(map, stored, traits::point_at(map, frames_[f], i), hold, faults);
+  }
+  void add_point(const Map& map, const handle_table& stored, point p, bool hold, fault_sink faults) {
     std::size_t number;
     if (!place_point(map, p, faults, number)) return;
     traits::for_each_observation(map, p, [&](keyframe k, std::size_t keypoint) {
-      const std::size_t f = add_frame(map, stored, k, true, faults);
+      const std::size_t f = add_frame(map, stored, k, hold, faults);
       if (f != id_table::none) add_row(map, f, number, keypoint, faults);
     });
   }

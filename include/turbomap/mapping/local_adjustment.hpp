@@ -62,17 +62,11 @@ class local_adjustment {
                 local_adjustment_summary& summary) {
     check(options);
     const auto guard = s.guard();
-    commit_.clear();
-    summary.stale = current == keyframe{} || !traits::alive(s.map, current);
-    if (summary.stale) {
-      summary.solve.end = adjustment_end::no_observations;
-      return window_.clear();
-    }
+    begin(summary, current == keyframe{} || !traits::alive(s.map, current));
+    if (summary.stale) return;
     s.stored.at(traits::id(s.map, current));  // throws when it is not there
     window_.gather(s, current, options.min_shared_points, options.second_min_shared_points);
-    for (const auto fixed : window_.fixed()) ++(fixed != 0 ? summary.fixed_keyframes : summary.free_keyframes);
-    summary.points = window_.points().size();
-    summary.observations = window_.row_count();
+    count(summary);
   }
 
   /// Adjusts it. \return whether there is something to write
@@ -102,8 +96,24 @@ class local_adjustment {
   /// Those of them that lost an observation as an outlier and live on: their descriptors are due too.
   const list_of<point>& points_that_lost_views() const { return commit_.points_that_lost_views(); }
 
- private:
+ protected:
+  /// \param stale  there is no window
+  void begin(local_adjustment_summary& summary, bool stale) {
+    commit_.clear();
+    summary.stale = stale;
+    if (!stale) return;
+    summary.solve.end = adjustment_end::no_observations;
+    window_.clear();
+  }
+  void count(local_adjustment_summary& summary) const {
+    for (const auto fixed : window_.fixed()) ++(fixed != 0 ? summary.fixed_keyframes : summary.free_keyframes);
+    summary.points = window_.points().size();
+    summary.observations = window_.row_count();
+  }
+
   adjustment_window<Map> window_;
+
+ private:
   window_measurements<Map, Policy> measurements_;
   bundle_problem<Policy, pose_frame, reprojections<camera>> problem_;
   adjustment_commit<Map, Policy> commit_;

@@ -1,0 +1,97 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The stage that adjusts all poses and points of a map together: full bundle adjustment. Local windows hold what they do not
+/// contain, so they press the drift of a round into the few keyframes where a place is seen again; this stage spreads it over
+/// the whole way. SLAM systems run it after a loop was closed, and at the end of a session [ORB-SLAM3].
+
+#include <cstddef>
+
+#include "../config.hpp"
+#include "../error.hpp"
+#include "../map/map_traits.hpp"
+#include "../span.hpp"
+#include "global_adjustment_options.hpp"
+#include "local_adjustment.hpp"
+#include "stage.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// adjust() on a user's map, or on keyframes that the user names: see local_adjustment. Of one context, its own or that of
+/// other stages; not kept busy, it may be made for one call. Its result is written like that of local_adjustment, so mapping
+/// must not move keyframes meanwhile: let it wait, or call local_mapper::adjust_globally() on its thread. Keyframes
+/// and points that tracking adds meanwhile are not moved.
+template <class Map, class Policy, class Methods = adjustment_methods<>>
+class global_adjustment : private local_adjustment<Map, Policy, Methods> {
+  using base = local_adjustment<Map, Policy, Methods>;
+
+ public:
+  using base::commit;
+  using base::compute;
+  using base::points;
+  using base::points_that_lost_views;
+  using typename base::camera;
+  using typename base::keyframe;
+  using typename base::point;
+  using typename base::scope;
+  using typename base::traits;
+
+  /// One for the scope's map and context: `global_adjustment adjust(scope);`.
+  explicit global_adjustment(const scope& s) : global_adjustment(s.ctx) {}
+  explicit global_adjustment(context<Policy>& ctx) : base(ctx) {}
+
+  /// Adjusts the map that a keyframe is part of: all keyframes that are connected with it through shared points, directly or
+  /// by others, and all their points. Fixed is the origin of the map (see adjustment_window), or the oldest keyframe of them.
+  /// Of a monocular map the scale is not determined; it stays about what it is.
+  /// The map is left as it is, partly or all, for the same reasons as by local_adjustment.
+  /// \throws as local_adjustment
+  /// \return what was done; no such keyframe: stale
+  local_adjustment_summary operator()(const scope& s, keyframe anyone, const global_adjustment_options& options) {
+    local_adjustment_summary summary;
+    snapshot(s, anyone, options, summary);
+    return finish(s, options, summary);
+  }
+  /// Adjusts these keyframes and their points. Fixed are other keyframes that see these points, and the origin.
+  local_adjustment_summary operator()(const scope& s, span<const keyframe> keyframes,
+                                      const global_adjustment_options& options) {
+    local_adjustment_summary summary;
+    snapshot(s, keyframes, options, summary);
+    return finish(s, options, summary);
+  }
+
+  /// The window of the first form. Waits for no other stage; holds the guard for O(observations of the map).
+  void snapshot(const scope& s, keyframe anyone, const global_adjustment_options& options,
+                local_adjustment_summary& summary) {
+    check(options);
+    const auto guard = s.guard();
+    this->begin(summary, anyone == keyframe{} || !traits::alive(s.map, anyone));
+    if (summary.stale) return;
+    s.stored.at(traits::id(s.map, anyone));  // throws when it is not there
+    this->window_.gather_connected(s, anyone);
+    this->count(summary);
+  }
+  /// That of the second. Keyframes that are dead, or not in the store, are passed over; none: stale.
+  void snapshot(const scope& s, span<const keyframe> keyframes, const global_adjustment_options& options,
+                local_adjustment_summary& summary) {
+    check(options);
+    const auto guard = s.guard();
+    this->begin(summary, false);
+    this->window_.gather_these(s, keyframes);
+    if (this->window_.frames().size() == 0) return this->begin(summary, true);
+    this->count(summary);
+  }
+
+ private:
+  local_adjustment_summary finish(const scope& s, const global_adjustment_options& options,
+                                  local_adjustment_summary& summary) {
+    if (!summary.stale && this->compute(s, options, summary)) this->commit(s, options, summary);
+    return summary;
+  }
+};
+
+template <class Map, class Policy>
+global_adjustment(const mapping_scope<Map, Policy>&) -> global_adjustment<Map, Policy>;
+
+TURBOMAP_END_NAMESPACE

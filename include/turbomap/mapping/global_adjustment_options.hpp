@@ -1,0 +1,21 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Options of the stage that adjusts all of a map, as plain data.
+
+#include "local_adjustment_options.hpp"
+
+namespace turbomap {
+
+/// Options of global_adjustment. Those that choose the window (shared points) have no effect.
+struct global_adjustment_options : local_adjustment_options {
+  global_adjustment_options() {
+    solve.damping = adjustment_options().damping;  // far from linear at the scale of a map
+    solve.max_iterations = 50;  // drift of a whole round goes out slowly: far more than a local window needs. Ours
+    solve.min_relative_decrease = 1e-4;  // three slow iterations in a row end it: a tenth of local adjustment's. Ours
+  }
+};
+
+}  // namespace turbomap
