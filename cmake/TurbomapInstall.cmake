@@ -16,6 +16,8 @@ configure_package_config_file("${PROJECT_SOURCE_DIR}/cmake/turbomapConfig.cmake.
 write_basic_package_version_file("${PROJECT_BINARY_DIR}/turbomapConfigVersion.cmake" COMPATIBILITY SameMinorVersion
                                  ARCH_INDEPENDENT)
 install(FILES "${PROJECT_BINARY_DIR}/turbomapConfig.cmake" "${PROJECT_BINARY_DIR}/turbomapConfigVersion.cmake"
-              "${PROJECT_SOURCE_DIR}/cmake/turbomapThrust.cmake" DESTINATION "${turbomap_cmake_dir}")
+              "${PROJECT_SOURCE_DIR}/cmake/turbomapThrust.cmake" "${PROJECT_SOURCE_DIR}/cmake/turbomapPrecompiled.cmake"
+        DESTINATION "${turbomap_cmake_dir}")
+install(DIRECTORY "${PROJECT_SOURCE_DIR}/cmake/precompiled" DESTINATION "${turbomap_cmake_dir}")
 install(FILES "${PROJECT_SOURCE_DIR}/package.xml" DESTINATION "${CMAKE_INSTALL_DATADIR}/turbomap")
 install(FILES "${PROJECT_SOURCE_DIR}/LICENSE" DESTINATION "${CMAKE_INSTALL_DOCDIR}")

@@ -14,6 +14,7 @@
 
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../precompiled.hpp"
 #include "cholesky_solver.hpp"
 #include "conjugate_gradients.hpp"
 #include "damping.hpp"
@@ -242,5 +243,12 @@ adjustment_summary adjust(context<Policy>& ctx, basic_bundle_problem<memory_of_t
       return levenberg_marquardt<Policy, data, float, float>(ctx, problem.data(), options).template run<solvers>();
   return {};  // not reached: require_options() has thrown
 }
+
+#define TURBOMAP_INSTANTIATE(Camera, Policy)                                                           \
+  TURBOMAP_INSTANCE adjustment_summary adjust<adjustment_methods<>>(                                   \
+      context<Policy>&, basic_bundle_problem<memory_of_t<Policy>, pose_frame, reprojections<Camera>>&, \
+      const adjustment_options&);
+TURBOMAP_PRECOMPILED_ADJUSTMENTS(TURBOMAP_INSTANTIATE)
+#undef TURBOMAP_INSTANTIATE
 
 TURBOMAP_END_NAMESPACE

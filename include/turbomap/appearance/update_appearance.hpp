@@ -11,6 +11,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../descriptor/descriptor_concept.hpp"
+#include "../precompiled.hpp"
 #include "../span.hpp"
 #include "../store/posed_keyframe.hpp"
 #include "appearance_check.hpp"
@@ -54,5 +55,12 @@ void update_appearance(context<Policy>& ctx, const appearance_view& view,
     throw;
   }
 }
+
+#define TURBOMAP_INSTANTIATE(Descriptor, Camera, Policy)                                                              \
+  TURBOMAP_INSTANCE void update_appearance(context<Policy>&, const appearance_view&,                                  \
+                                           span<const posed_keyframe<Descriptor, Camera>>, const appearance_options&, \
+                                           appearances<Descriptor, Camera, Policy>&);
+TURBOMAP_PRECOMPILED_SEARCHES(TURBOMAP_INSTANTIATE)
+#undef TURBOMAP_INSTANTIATE
 
 TURBOMAP_END_NAMESPACE

@@ -13,6 +13,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../descriptor/descriptor_concept.hpp"
+#include "../precompiled.hpp"
 #include "prepare_cameras.hpp"
 #include "projection_setup.hpp"
 #include "projections.hpp"
@@ -87,5 +88,12 @@ typename projections<Descriptor, Camera, Policy>::plan_type search_by_projection
   context<Policy> ctx(policy);
   return search_by_projection(ctx, points, targets, options).plan(ctx);
 }
+
+#define TURBOMAP_INSTANTIATE(Descriptor, Camera, Policy)                                           \
+  TURBOMAP_INSTANCE void search_by_projection(context<Policy>&, const map_point_view<Descriptor>&, \
+                                              span<const projection_target<Descriptor, Camera>>,   \
+                                              const projection_options&, projections<Descriptor, Camera, Policy>&);
+TURBOMAP_PRECOMPILED_SEARCHES(TURBOMAP_INSTANTIATE)
+#undef TURBOMAP_INSTANTIATE
 
 TURBOMAP_END_NAMESPACE

@@ -12,6 +12,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../descriptor/descriptor_concept.hpp"
+#include "../precompiled.hpp"
 #include "correspondences.hpp"
 #include "exhaustive_search.hpp"
 #include "grouped_search.hpp"
@@ -91,5 +92,12 @@ typename correspondences<Descriptor, Camera, Policy>::plan_type search_correspon
   context<Policy> ctx(policy);
   return search_correspondences(ctx, query, neighbours, options).plan(ctx);
 }
+
+#define TURBOMAP_INSTANTIATE(Descriptor, Camera, Policy)                                                               \
+  TURBOMAP_INSTANCE void search_correspondences(context<Policy>&, const posed_keyframe<Descriptor, Camera>&,           \
+                                                span<const posed_keyframe<Descriptor, Camera>>, const search_options&, \
+                                                correspondences<Descriptor, Camera, Policy>&);
+TURBOMAP_PRECOMPILED_SEARCHES(TURBOMAP_INSTANTIATE)
+#undef TURBOMAP_INSTANTIATE
 
 TURBOMAP_END_NAMESPACE

@@ -16,6 +16,7 @@
 #include "../context.hpp"
 #include "../error.hpp"
 #include "../plain_vector.hpp"
+#include "../precompiled.hpp"
 #include "correspondences.hpp"
 #include "create_point.hpp"
 #include "creation_check.hpp"
@@ -77,5 +78,11 @@ void create_points(context<Policy>& ctx, const correspondences<Descriptor, Camer
   check_creation_options(options, matches.view().options.scales.scale_factor);
   launch_create_points(ctx.policy(), matches.view(), options, result.make_room(matches.size()));
 }
+
+#define TURBOMAP_INSTANTIATE(Descriptor, Camera, Policy)                                                     \
+  TURBOMAP_INSTANCE void create_points(context<Policy>&, const correspondences<Descriptor, Camera, Policy>&, \
+                                       const creation_options&, point_creation<Policy>&);
+TURBOMAP_PRECOMPILED_SEARCHES(TURBOMAP_INSTANTIATE)
+#undef TURBOMAP_INSTANTIATE
 
 TURBOMAP_END_NAMESPACE

@@ -12,6 +12,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
+#include "../precompiled.hpp"
 #include "create_track.hpp"
 #include "creation_check.hpp"
 #include "tracks.hpp"
@@ -117,5 +118,12 @@ void create_track_points(context<Policy>& ctx, const correspondences<Descriptor,
           "must be the number of keyframes, or 0");
   result.create(ctx, matches.view(), tracks.tracks(), options, known);
 }
+
+#define TURBOMAP_INSTANTIATE(Descriptor, Camera, Policy)                                                               \
+  TURBOMAP_INSTANCE void create_track_points(context<Policy>&, const correspondences<Descriptor, Camera, Policy>&,     \
+                                             const match_tracks<Descriptor, Camera, Policy>&, const creation_options&, \
+                                             track_creation<Policy>&, const known_points&);
+TURBOMAP_PRECOMPILED_SEARCHES(TURBOMAP_INSTANTIATE)
+#undef TURBOMAP_INSTANTIATE
 
 TURBOMAP_END_NAMESPACE

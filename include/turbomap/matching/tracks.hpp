@@ -14,6 +14,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../plain_vector.hpp"
+#include "../precompiled.hpp"
 #include "correspondences.hpp"
 #include "track_joiner.hpp"
 
@@ -103,5 +104,11 @@ void join_tracks(context<Policy>& ctx, const correspondences<Descriptor, Camera,
                  match_tracks<Descriptor, Camera, Policy>& result) {
   result.join(ctx, matches);
 }
+
+#define TURBOMAP_INSTANTIATE(Descriptor, Camera, Policy)                                                   \
+  TURBOMAP_INSTANCE void join_tracks(context<Policy>&, const correspondences<Descriptor, Camera, Policy>&, \
+                                     match_tracks<Descriptor, Camera, Policy>&);
+TURBOMAP_PRECOMPILED_SEARCHES(TURBOMAP_INSTANTIATE)
+#undef TURBOMAP_INSTANTIATE
 
 TURBOMAP_END_NAMESPACE

@@ -1,0 +1,7 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+// The adjustments that TURBOMAP_PRECOMPILED lists, compiled for all other files of the program.
+#define TURBOMAP_PRECOMPILED_IS_HERE
+
+#include <turbomap/adjustment/levenberg_marquardt.hpp>

@@ -1,0 +1,11 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+// The searches that TURBOMAP_PRECOMPILED lists, compiled for all other files of the program.
+#define TURBOMAP_PRECOMPILED_IS_HERE
+
+#include <turbomap/appearance/update_appearance.hpp>
+#include <turbomap/fusion/projection_search.hpp>
+#include <turbomap/matching/correspondence_search.hpp>
+#include <turbomap/matching/point_creation.hpp>
+#include <turbomap/matching/track_creation.hpp>
