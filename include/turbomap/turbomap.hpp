@@ -40,6 +40,7 @@
 #include "inertial/inertial_residual.hpp"
 #include "inertial/initialisation_schedule.hpp"
 #include "inertial/initialise.hpp"
+#include "inertial/marginal_prior.hpp"
 #include "inertial/merge.hpp"
 #include "inertial/predict.hpp"
 #include "inertial/preintegrate.hpp"
