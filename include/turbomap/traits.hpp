@@ -15,7 +15,8 @@
 ///       static rig cameras(const my::KeyFrame&);                             // by value or const reference
 ///       static std::size_t keypoint_count(const my::KeyFrame&);              // of all cameras together
 ///       static turbomap::keypoint keypoint(const my::KeyFrame&, std::size_t i);
-///       static const std::uint8_t* descriptor_data(const my::KeyFrame&, std::size_t i);  // const descriptor::element*
+///       static const std::uint8_t* descriptor_data(const my::KeyFrame&, std::size_t i);  // const descriptor::element*, or an
+///                                                        // object with data(), e.g. std::array, by value or reference
 ///
 ///       // Optional:
 ///       static turbomap::image_bounds bounds(const my::KeyFrame&);       // else what the keypoints span
@@ -79,6 +80,26 @@ struct fit_of_member<Member, M, T, std::void_t<Member<M, T>>> {
   using type = Member<M, T>;
 };
 
+/// Where the elements of a descriptor are that traits gave: at a pointer, or in an object that has data(), by value too. The object
+/// must live as long as they are read.
+template <class Element, class Given>
+const Element* elements_of(const Given& given) {
+  if constexpr (std::is_convertible_v<const Given&, const Element*>)
+    return given;
+  else
+    return given.data();
+}
+/// The elements of one descriptor: a pointer, or an object that has data().
+template <class Element>
+struct elements_at {};
+template <class Element, class Given>
+using has_data = if_converts<decltype(std::declval<const Given&>().data()), const Element*>;
+template <class Got, class Element>
+struct fits<Got, elements_at<Element>> {
+  static constexpr bool value =
+      std::is_convertible_v<Got, const Element*> || has_member<has_data, Element, std::decay_t<Got>>::value;
+};
+
 /// Whether class T has a member of this name, whatever it takes. `Name<void, X>` is decltype(&X::name) and Names a class with that
 /// member: a class that inherits from both cannot tell which is meant. False for a final class, which cannot be asked.
 template <class T, class Names>
@@ -116,8 +137,8 @@ using keypoint_count_member = fits<decltype(T::keypoint_count(std::declval<const
 template <class K, class T>
 using keypoint_member = fits<decltype(T::keypoint(std::declval<const K&>(), std::size_t{})), turbomap::keypoint>;
 template <class K, class T>
-using descriptor_data_member =
-    fits<decltype(T::descriptor_data(std::declval<const K&>(), std::size_t{})), const typename T::descriptor::element*>;
+using descriptor_data_member = fits<decltype(T::descriptor_data(std::declval<const K&>(), std::size_t{})),
+                                    elements_at<typename T::descriptor::element>>;
 template <class K, class T>
 using bounds_member = if_converts<decltype(T::bounds(std::declval<const K&>())), image_bounds>;
 template <class K, class T>

@@ -34,6 +34,9 @@ TEST_CASE_TEMPLATE("a pose goes to Eigen and back, and maps points alike", T, fl
   for (int i = 0; i < 100; ++i) {
     const auto expected = random_pose<T>(random);
     const rigid_transform<T> pose = from_eigen(expected);
+    const Eigen::Matrix<T, 4, 4> matrix = expected.matrix();
+    const rigid_transform<T> of_matrix = from_eigen(matrix);
+    CHECK((to_eigen(of_matrix).matrix() - expected.matrix()).cwiseAbs().maxCoeff() < small);
     CHECK((to_eigen(pose).matrix() - expected.matrix()).cwiseAbs().maxCoeff() < small);
     const Eigen::Matrix<T, 3, 1> x(T(0.5), T(-2), T(3));
     const vec3<T> y = to_isometry<T>(pose) * from_eigen(x);
@@ -77,7 +80,10 @@ TEST_CASE("what is no rigid motion is refused") {
   CHECK_THROWS_AS(from_eigen(pose), std::invalid_argument);
   Eigen::Projective3d map = Eigen::Projective3d::Identity();
   CHECK_NOTHROW(from_eigen(map));
+  CHECK_NOTHROW(from_eigen(Eigen::Matrix4d::Identity().eval()));
+  CHECK_THROWS_AS(from_eigen(Eigen::Matrix4d::Zero().eval()), std::invalid_argument);
   map.matrix()(3, 0) = 0.5;
+  CHECK_THROWS_AS(from_eigen(map.matrix()), std::invalid_argument);
   CHECK_THROWS_AS(from_eigen(map), std::invalid_argument);
   CHECK_THROWS_WITH(from_eigen(Eigen::Quaterniond(2, 0, 0, 0), Eigen::Vector3d::Zero().eval()),
                     "turbomap: quaternion norm = 2: must be 1");

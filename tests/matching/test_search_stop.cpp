@@ -55,6 +55,15 @@ TEST_CASE_TEMPLATE("a search that is stopped ends soon and has no matches", Poli
     comparisons = 0;  // the flag is set before it begins
     CHECK(search_under(Policy{}, s, options).empty());
     CHECK(comparisons == 0);
+
+    int asked = 0;  // by the thread that calls, before the search
+    const auto ask = [&asked] { return ++asked, stop.load(); };
+    options.stop = &ask;
+    CHECK(search_under(Policy{}, s, options).empty());
+    CHECK(comparisons == 0);
+    CHECK(asked >= 1);
+    options.stop = nullptr;
+    CHECK(same(search_under(Policy{}, s, options), expected));
   }
 }
 

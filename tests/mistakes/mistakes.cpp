@@ -123,6 +123,9 @@ struct turbomap::map_traits<my::Map> {
 #ifdef FOUND_RATIO_OF_KEYFRAME
   static float found_ratio(const map&, keyframe) { return 1; }
 #endif
+#ifdef MERGED_OF_ONE
+  static void merged(map&, point) {}
+#endif
 #ifdef TIME_ALONE
   static double time(const map&, keyframe) { return 0; }
 #endif

@@ -96,6 +96,28 @@ TEST_CASE("pinning and releasing again allocates nothing on the policy's side") 
   CHECK(resource.allocations == before);
 }
 
+TEST_CASE("an emptied store is as a new one, but for what is pinned") {
+  sample_store<sequential> store;
+  const auto k = make_keyframe(1, 100);
+  handles all;
+  for (int i = 0; i < 5; ++i) all.push_back(store.insert(k.data()));
+  store.erase(all[1]);
+  {
+    const auto pinned = store.pin(thrust::seq, handles{all[2]});
+    store.clear();
+    CHECK(store.size() == 0);
+    CHECK(pinned.views()[0].keypoint_count == 100);
+  }
+  for (const auto handle : all) CHECK_FALSE(store.contains(handle));
+  CHECK(store.statistics().resident_blocks == 0);
+  const auto again = store.insert(k.data());
+  CHECK(store.contains(again));
+  CHECK(store.size() == 1);
+  store.clear();
+  store.clear();
+  CHECK_FALSE(store.contains(again));
+}
+
 TEST_CASE("generations: a slot whose generations are used up is never used again") {
   turbomap::slot_table table(3);
   const auto slot = table.acquire();

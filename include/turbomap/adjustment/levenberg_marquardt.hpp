@@ -179,7 +179,7 @@ class levenberg_marquardt {
   }
   std::size_t gain_count() const { return static_cast<std::size_t>(landmark_gain_count(data_.structure.landmarks)); }
 
-  bool stopped() const { return options_.stop != nullptr && options_.stop->load(std::memory_order_relaxed); }
+  bool stopped() const { return options_.stop(); }
   bool out_of_time() const {
     return options_.time_budget_ms > 0 &&
            std::chrono::duration<double, std::milli>(clock::now() - start_).count() > options_.time_budget_ms;

@@ -5,11 +5,11 @@
 /// \file
 /// What a bundle adjustment takes and tells, as plain data: options, and a summary of what happened and why it ended.
 
-#include <atomic>
 #include <cstdint>
 
 #include "../config.hpp"
 #include "../plain_vector.hpp"
+#include "../stop_request.hpp"
 
 namespace turbomap {
 
@@ -50,7 +50,7 @@ struct adjustment_options {
   int slow_iterations = 3;           ///< as many slow ones in a row end the adjustment [ORB-SLAM3: 1e-3, 3]
   double min_predicted_decrease = 1e-14;    ///< ends where a step promises less than this times the cost
   double time_budget_ms = 0;                ///< ends after the iteration that exceeds it; 0: no limit
-  const std::atomic<bool>* stop = nullptr;  ///< looked at between steps; honoured within one iteration
+  stop_request stop;  ///< asked between steps; honoured within one iteration
   precision numbers = precision::mixed;
   reduced_solver solver = reduced_solver::automatic;
   int dense_limit = 1200;    ///< unknowns up to which `automatic` takes the dense solver

@@ -8,6 +8,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cmath>
+#include <type_traits>
 
 #include "../config.hpp"
 #include "../error.hpp"
@@ -38,9 +39,8 @@ Eigen::Transform<T, 3, Eigen::Isometry> to_eigen(const rigid_transform<T>& T_ab)
 }
 
 /// A fixed-size vector of three, a row or a column, or an expression of it.
-template <class Derived>
+template <class Derived, std::enable_if_t<Derived::SizeAtCompileTime == 3, int> = 0>
 vec3<typename Derived::Scalar> from_eigen(const Eigen::MatrixBase<Derived>& a) {
-  EIGEN_STATIC_ASSERT_VECTOR_SPECIFIC_SIZE(Derived, 3)
   const auto v = a.eval();
   return {v[0], v[1], v[2]};
 }
@@ -70,6 +70,11 @@ rigid_transform<T> from_eigen(const Eigen::Transform<T, 3, Mode, Options>& T_ab)
     require(w <= T(1e-6), "last row - (0 0 0 1)", w, "a projective map is no pose");
   }
   return from_eigen(Eigen::Quaternion<T>(R).normalized(), T_ab.translation());
+}
+/// A 4x4 matrix [R t; 0 1] as a pose `T_ab`: as systems without a pose class keep it. Throws as above.
+template <class Derived, std::enable_if_t<Derived::RowsAtCompileTime == 4 && Derived::ColsAtCompileTime == 4, int> = 0>
+rigid_transform<typename Derived::Scalar> from_eigen(const Eigen::MatrixBase<Derived>& T_ab) {
+  return from_eigen(Eigen::Transform<typename Derived::Scalar, 3, Eigen::Projective>(T_ab));
 }
 
 TURBOMAP_END_NAMESPACE

@@ -118,6 +118,8 @@ void erase_point(Map& map, typename map_traits<Map>::point point, typename map_t
     detail::move_count(map, point, before, finest_octave(map, point, observer));
   }
   traits::retire(map, point, replacement);
+  if constexpr (detail::map_has_v<Map, detail::map_erased_member>)
+    if (replacement == typename traits::point{}) traits::erased(map, point);
 }
 
 /// forget(), then erases the point when it has `fewest` measurements or less (2, as [ORB-SLAM3]). True if it was erased.
@@ -200,6 +202,7 @@ bool merge_points(Map& map, typename map_traits<Map>::point from, typename map_t
     traits::reserve_observations(map, into, scratch.size());
   erase_point(map, from, into);
   for (const auto& [observer, keypoint] : scratch) observe(map, into, observer, keypoint);
+  if constexpr (detail::map_has_v<Map, detail::map_merged_member>) traits::merged(map, from, into);
   return true;
 }
 

@@ -34,7 +34,8 @@
 ///       static turbomap::vec3<float> normal(const my::Map&, point);   // mean of unit rays from the cameras to the point
 ///       static float min_distance(const my::Map&, point);             // m: the range in which the pyramid sees it
 ///       static float max_distance(const my::Map&, point);
-///       static const descriptor::element* descriptor_data(const my::Map&, point);
+///       static const descriptor::element* descriptor_data(const my::Map&, point);  // or an object with data(), by value too;
+///                                                            // valid until the next call of a member, read at once
 ///       static keyframe reference(const my::Map&, point);
 ///       template <class F>
 ///       static void for_each_observation(const my::Map&, point, F f); // f(keyframe, std::size_t keypoint)
@@ -68,6 +69,9 @@
 ///       static keyframe previous(const my::Map&, keyframe);           //    with these two; keyframe{} at the ends
 ///       static keyframe next(const my::Map&, keyframe);
 ///       static std::unique_lock<std::mutex> guard(my::Map&);          // held while a snapshot is read or a plan applied
+///       static void created(my::Map&, point);                         // after the change is complete, under the guard: what
+///       static void merged(my::Map&, point from, point into);         //    your own structures need to know of it at once
+///       static void erased(my::Map&, point);
 ///       template <class F> static void for_each_keyframe(const my::Map&, F f);            // validate() alone needs
 ///       template <class F> static void for_each_point(const my::Map&, F f);               // these two
 ///     };
@@ -151,6 +155,14 @@ using map_look_member = decltype(T::look_again(std::declval<const M&>(), std::de
 template <class M, class T>
 using map_all_member = std::void_t<decltype(T::for_each_keyframe(std::declval<const M&>(), any_probe{})),
                                    decltype(T::for_each_point(std::declval<const M&>(), any_probe{}))>;
+
+template <class M, class T>
+using map_created_member = decltype(T::created(std::declval<M&>(), std::declval<point_of<T>>()));
+template <class M, class T>
+using map_merged_member =
+    decltype(T::merged(std::declval<M&>(), std::declval<point_of<T>>(), std::declval<point_of<T>>()));
+template <class M, class T>
+using map_erased_member = decltype(T::erased(std::declval<M&>(), std::declval<point_of<T>>()));
 
 template <class Map, template <class, class> class Member>
 inline constexpr bool map_has_v = has_member<Member, Map, map_traits<Map>>::value;

@@ -30,7 +30,8 @@ point_of<T> a_point();
 /// Every optional member: see has_name().
 struct optional_names {
   int may_erase, is_origin, found_ratio, reserve_observations, octave_counts, change_octave_count, covariance,
-      set_covariance, set_position, set_pose, time, previous, next, for_each_keyframe, for_each_point;
+      set_covariance, set_position, set_pose, time, previous, next, created, merged, erased, for_each_keyframe,
+      for_each_point;
 };
 template <class M, class T>
 using named_may_erase = decltype(&T::may_erase);
@@ -58,6 +59,12 @@ template <class M, class T>
 using named_previous = decltype(&T::previous);
 template <class M, class T>
 using named_next = decltype(&T::next);
+template <class M, class T>
+using named_created = decltype(&T::created);
+template <class M, class T>
+using named_merged = decltype(&T::merged);
+template <class M, class T>
+using named_erased = decltype(&T::erased);
 template <class M, class T>
 using named_for_each_keyframe = decltype(&T::for_each_keyframe);
 template <class M, class T>
@@ -144,6 +151,13 @@ constexpr bool check_optional_members() {
       usable_or_absent_v<Map, map_all_member, named_for_each_keyframe, named_for_each_point>,
       "turbomap: map_traits needs both or neither of `template <class F> static void for_each_keyframe(const Map&, "
       "F)` and `template <class F> static void for_each_point(const Map&, F)`; see docs/map.md");
+  static_assert(usable_or_absent_v<Map, map_created_member, named_created>,
+                "turbomap: map_traits::created must be `static void created(Map&, point)`; see docs/map.md");
+  static_assert(
+      usable_or_absent_v<Map, map_merged_member, named_merged>,
+      "turbomap: map_traits::merged must be `static void merged(Map&, point from, point into)`; see docs/map.md");
+  static_assert(usable_or_absent_v<Map, map_erased_member, named_erased>,
+                "turbomap: map_traits::erased must be `static void erased(Map&, point)`; see docs/map.md");
   static_assert(map_has_v<Map, map_guard_member> ||
                     !has_any_v<Map, near_guard_lock, near_guard_lock_guard, near_guard_scoped_lock,
                                near_guard_get_guard, near_guard_guards, near_guard_acquire>,

@@ -110,10 +110,15 @@ class appearance_update {
       if (!options.geometry)
         u.normal = traits::normal(s.map, p), u.min_distance = traits::min_distance(s.map, p),
         u.max_distance = traits::max_distance(s.map, p);
-      traits::set_appearance(s.map, p, u.normal, u.min_distance, u.max_distance,
-                             options.descriptors
-                                 ? descriptors_.data() + i * static_cast<std::size_t>(descriptor::elements)
-                                 : traits::descriptor_data(s.map, p));
+      const auto write = [&](const typename descriptor::element* d) {
+        traits::set_appearance(s.map, p, u.normal, u.min_distance, u.max_distance, d);
+      };
+      if (options.descriptors) {
+        write(descriptors_.data() + i * static_cast<std::size_t>(descriptor::elements));
+      } else {
+        const auto& given = traits::descriptor_data(s.map, p);
+        write(detail::elements_of<typename descriptor::element>(given));
+      }
       if constexpr (detail::map_has_v<Map, detail::map_covariance_member>)
         if (options.covariance) traits::set_covariance(s.map, p, u.covariance);
     }

@@ -99,6 +99,7 @@ void commit_points(Map& map, const new_points_view& points,
       if (const point_observation& o = points.observations[v]; possible(o))
         observe(map, point, keyframes[static_cast<std::size_t>(o.keyframe)], static_cast<std::size_t>(o.keypoint));
     created.push_back(point);
+    if constexpr (detail::map_has_v<Map, detail::map_created_member>) traits::created(map, point);
     if (views < end - begin) due.push_back(point);
   }
 }

@@ -121,8 +121,8 @@ class duplicate_snapshot {
     max_distances_.push_back(traits::max_distance(map, p));
     if constexpr (detail::map_has_v<Map, detail::map_covariance_member>)
       if (keeps_covariances_) covariances_.push_back(traits::covariance(map, p));
-    const auto* d = traits::descriptor_data(map, p);
-    descriptors_.append(d, descriptor::elements);
+    const auto& given = traits::descriptor_data(map, p);
+    descriptors_.append(detail::elements_of<typename descriptor::element>(given), descriptor::elements);
   }
 
   point_numbering<Map> seen_;

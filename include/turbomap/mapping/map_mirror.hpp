@@ -395,7 +395,8 @@ class map_mirror {
     normals_[p] = user_traits::normal(map_, name);
     ranges_[p] = {user_traits::min_distance(map_, name), user_traits::max_distance(map_, name)};
     if constexpr (has_covariances) covariances_[p] = user_traits::covariance(map_, name);
-    const element* const d = user_traits::descriptor_data(map_, name);
+    const auto& given = user_traits::descriptor_data(map_, name);
+    const element* const d = detail::elements_of<element>(given);
     for (std::size_t e = 0; e < elements; ++e) descriptors_[p * elements + e] = d[e];
     points_[p].reference = number(user_traits::reference(map_, name));
     read_list(p, name);

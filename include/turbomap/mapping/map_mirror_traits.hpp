@@ -127,6 +127,18 @@ struct map_traits<map_mirror<Map>> {
   static float found_ratio(const map_mirror<M>& m, point p) {
     return static_cast<float>(user::found_ratio(m.map(), m.name(p)));
   }
+  template <class M = Map, class = std::enable_if_t<detail::map_has_v<M, detail::map_created_member>>>
+  static void created(map_mirror<M>& m, point p) {
+    user::created(m.map(), m.name(p));
+  }
+  template <class M = Map, class = std::enable_if_t<detail::map_has_v<M, detail::map_merged_member>>>
+  static void merged(map_mirror<M>& m, point from, point into) {
+    user::merged(m.map(), m.name(from), m.name(into));
+  }
+  template <class M = Map, class = std::enable_if_t<detail::map_has_v<M, detail::map_erased_member>>>
+  static void erased(map_mirror<M>& m, point p) {
+    user::erased(m.map(), m.name(p));
+  }
   static span<const std::uint32_t> octave_counts(const mirror& m, point p) {
     m.ensure(p);
     std::size_t levels = m.levels_;

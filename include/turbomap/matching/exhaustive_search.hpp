@@ -47,7 +47,7 @@ bool launch_search_exhaustive(const thrust::execution_policy<Derived>& policy,
   const int count = search.neighbour_count * search.slot_count;
   // What may be stopped is launched in parts. Not on a device, which is done before anybody could want to stop it.
   constexpr bool on_host = std::is_same_v<memory_of_t<Derived>, host_memory>;
-  const bool watched = on_host && search.options.stop != nullptr;
+  const bool watched = on_host && search.options.stop;
   const int part = watched ? body::part_size : count;
   for (int first = 0; first < count; first += part) {
     if (watched && search.options.stopped()) return false;

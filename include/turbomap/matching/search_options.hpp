@@ -5,9 +5,9 @@
 /// \file
 /// What a correspondence search takes and gives, as plain data: options and the plan.
 
-#include <atomic>
 #include <cstdint>
 
+#include "../stop_request.hpp"
 #include "../types.hpp"
 
 namespace turbomap {
@@ -43,12 +43,12 @@ struct search_options {
   /// The cameras of the query's rig are matched with each other too: the query is one more neighbour, the last. For
   /// join_tracks(), which then has one track of what two cameras of the rig see.
   bool across_rig = false;
-  /// Once seen true, the search ends and has no matches, whatever the flag becomes then. Looked at once before the search;
+  /// Once it says true, the search ends and has no matches, whatever it says then. Asked once before the search;
   /// after that on the host only, before every 64 query keypoints (ordered) or 256 (exhaustive). Never in a grouped search,
-  /// which is short. Must outlive the search. Null: nobody stops it.
-  const std::atomic<bool>* stop = nullptr;
+  /// which is short. Must outlive the search.
+  stop_request stop;
 
-  bool stopped() const { return stop != nullptr && stop->load(std::memory_order_relaxed); }
+  bool stopped() const { return stop(); }
 };
 
 /// One match: keypoint `query` of the query keyframe and keypoint `candidate` of neighbour number `neighbour`.

@@ -81,7 +81,8 @@ keyframe_data<Descriptor, Camera> gather(const KeyFrame& keyframe, keyframe_buff
     buffer.descriptors.resize(n * elements);
     for (std::size_t i = 0; i < n; ++i) {
       buffer.keypoints[i] = traits::keypoint(keyframe, i);
-      const typename Descriptor::element* descriptor = traits::descriptor_data(keyframe, i);
+      const auto& given = traits::descriptor_data(keyframe, i);  // a value lives until it is copied
+      const auto* descriptor = detail::elements_of<typename Descriptor::element>(given);
       require(descriptor != nullptr, "keypoint without descriptor_data", i, "there is a descriptor for every keypoint");
       std::copy_n(descriptor, elements, buffer.descriptors.data() + i * elements);
     }

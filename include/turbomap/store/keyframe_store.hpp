@@ -86,6 +86,18 @@ class keyframe_store {
     if (!blocks_.pinned(handle.slot)) reclaim(handle.slot);
   }
 
+  /// Removes all keyframes, as erase() does one by one. A mapper whose keyframes are in this store has none then: remove() them, or
+  /// make a new mapper. O(keyframes).
+  void clear() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    poll();
+    for (std::uint32_t slot = 0; slot < slots_.slot_count(); ++slot) {
+      if (!slots_.alive(slot)) continue;
+      slots_.retire(slot);
+      if (!blocks_.pinned(slot)) reclaim(slot);
+    }
+  }
+
   /// Holds keyframes in place for the work of `execution` (a context or a policy in the memory of this store), bringing
   /// back those that were paged out. A handle may be named twice. Throws stale_handle naming index, slot and
   /// generation; out_of_memory when they do not fit together with all that is pinned. In both cases nothing is pinned.

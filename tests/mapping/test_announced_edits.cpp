@@ -1,0 +1,104 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// created, merged and erased of map_traits: what a system keeps by them is right at every moment, mirrored or not. And traits whose
+/// descriptors come by value.
+
+#include <doctest/doctest.h>
+
+#include <array>
+#include <cstdint>
+#include <set>
+
+#include "local_mapper_cases.hpp"
+#include "scenes/map_scene.hpp"
+#include "support/policies.hpp"
+
+namespace turbomap_test {
+
+/// Keeps the ids of what is announced, and counts what was not as it should be at that moment.
+template <bool Mirrored>
+struct announcing_map : flat_map {
+  using flat_map::flat_map;
+  std::set<std::uint64_t> created, merged, erased;
+  int wrong = 0;
+};
+
+}  // namespace turbomap_test
+
+template <bool Mirrored>
+struct turbomap::map_traits<turbomap_test::announcing_map<Mirrored>> : turbomap::map_traits<turbomap_test::flat_map> {
+  using base = turbomap::map_traits<turbomap_test::flat_map>;
+  using map = turbomap_test::announcing_map<Mirrored>;
+  using point = base::point;
+  static constexpr bool mirrored = Mirrored;
+
+  static std::array<std::uint8_t, 32> descriptor_data(const map& m, point p) {
+    std::array<std::uint8_t, 32> copy{};
+    const auto* d = base::descriptor_data(m, p);
+    for (auto& byte : copy) byte = *d++;
+    return copy;
+  }
+  static void created(map& m, point p) {
+    int views = 0;
+    base::for_each_observation(m, p, [&](base::keyframe, std::size_t) { ++views; });
+    m.wrong += base::alive(m, p) && views >= 2 && base::max_distance(m, p) > 0 ? 0 : 1;
+    m.wrong += m.created.insert(base::id(m, p)).second ? 0 : 1;
+  }
+  static void merged(map& m, point from, point into) {
+    m.wrong += !base::alive(m, from) && base::alive(m, into) && turbomap::resolve<flat_map>(m, from) == into ? 0 : 1;
+    m.wrong += m.merged.insert(base::id(m, from)).second ? 0 : 1;
+  }
+  static void erased(map& m, point p) {
+    m.wrong += !base::alive(m, p) ? 0 : 1;
+    m.wrong += m.erased.insert(base::id(m, p)).second ? 0 : 1;
+  }
+
+ private:
+  using flat_map = turbomap_test::flat_map;
+};
+
+namespace {
+
+using namespace turbomap_test;
+
+template <class Map>
+struct stereo_run {
+  mapping_case<pinhole_camera> c = stereo_case(noisy(3));
+  mapping_scene<pinhole_camera> scene{c.rig, noisy(3)};
+  mapping_run<Map, sequential> run{scene, c.options};
+};
+
+template <bool Mirrored>
+void check_announced() {
+  stereo_run<announcing_map<Mirrored>> r;
+  stereo_run<flat_map> silent;
+  std::size_t created = 0, merged = 0, culled = 0;
+  for (int n = 0; n < 14; ++n) {
+    const auto& report = r.run.step();
+    silent.run.step();
+    created += report.points_created, merged += report.fused.merged, culled += report.points_culled;
+  }
+  auto& map = r.run.map;
+  CHECK(map.wrong == 0);
+  CHECK(created > 0);
+  CHECK(merged > 0);
+  CHECK(map.created.size() == created);
+  CHECK(map.merged.size() == merged);
+  CHECK(map.erased.size() >= culled);
+  CHECK(!map.erased.empty());
+  std::set<std::uint64_t> alive;
+  turbomap::map_traits<flat_map>::for_each_point(
+      map, [&](turbomap::map_point_id p) { alive.insert(turbomap::map_traits<flat_map>::id(map, p)); });
+  for (const std::uint64_t id : map.created)
+    CHECK((alive.count(id) == 1) == (map.merged.count(id) == 0 && map.erased.count(id) == 0));
+  for (const std::uint64_t id : map.merged) CHECK(alive.count(id) == 0);
+  for (const std::uint64_t id : map.erased) CHECK(alive.count(id) == 0);
+  CHECK(content<flat_map>(map) == content(silent.run.map));  // descriptors by value give the same map, too
+}
+
+TEST_CASE("what is announced under the guard has happened, and all of it is") { check_announced<false>(); }
+TEST_CASE("the same of a map that is mirrored") { check_announced<true>(); }
+
+}  // namespace
