@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 // SPDX-License-Identifier: Apache-2.0
 
-// The searches that TURBOMAP_PRECOMPILED lists, compiled for all other files of the program.
+// The stores and searches that TURBOMAP_PRECOMPILED lists, compiled for all other files of the program.
 #define TURBOMAP_PRECOMPILED_IS_HERE
 
 #include <turbomap/appearance/update_appearance.hpp>
@@ -9,3 +9,4 @@
 #include <turbomap/matching/correspondence_search.hpp>
 #include <turbomap/matching/point_creation.hpp>
 #include <turbomap/matching/track_creation.hpp>
+#include <turbomap/store/keyframe_store.hpp>

@@ -15,6 +15,11 @@
 
 #if defined(TURBOMAP_PRECOMPILED)
 
+/// keyframe_store in the memory of the host: descriptor, camera.
+#define TURBOMAP_PRECOMPILED_STORES(instantiate)                          \
+  instantiate(turbomap::binary_descriptor<256>, turbomap::pinhole<float>) \
+      instantiate(turbomap::binary_descriptor<256>, turbomap::kannala_brandt<float>)
+
 /// Search of correspondences, creation of points, search by projection, appearance: descriptor, camera, policy.
 #define TURBOMAP_PRECOMPILED_SEARCHES(instantiate)                                               \
   instantiate(turbomap::binary_descriptor<256>, turbomap::pinhole<float>, thrust::detail::seq_t) \

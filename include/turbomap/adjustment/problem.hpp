@@ -15,6 +15,7 @@
 #include "../context.hpp"
 #include "../error.hpp"
 #include "../plain_vector.hpp"
+#include "../precompiled.hpp"
 #include "factors.hpp"
 #include "frames.hpp"
 #include "move_frames.hpp"
@@ -50,26 +51,7 @@ class basic_bundle_problem {
   ///         is as it was. (std::bad_alloc: it is empty.)
   template <class Policy>
   void assign(context<Policy>& ctx, const frame_input<Frame>& frames, const landmark_input& landmarks,
-              const Groups&... groups) {
-    const bool finite = check(frames, landmarks, groups...);
-    data_.finite = false, data_.observations = 0;  // empty until all is there
-    ctx.synchronize();
-    try {
-      build_structure(frames, landmarks, groups...);
-      group_place place;
-      place.first_cost = data_.structure.partials, place.distance = median_distance(frames, landmarks);
-      std::apply([&](auto&... g) { (g.assign(ctx.policy(), groups, data_.structure, place), ...); }, data_.groups);
-      upload_state(ctx, frames, landmarks);
-      data_.lists.send_sums(ctx.policy(), data_.structure);
-      ctx.synchronize();
-    } catch (...) {
-      data_.structure.frames = data_.structure.landmarks = 0;
-      throw;
-    }
-    std::apply([&](auto&... g) { data_.observations = (std::size_t{0} + ... + g.size()); }, data_.groups);
-    data_.finite = finite;
-    data_.forget_blocks();
-  }
+              const Groups&... groups);
 
   int frame_count() const { return data_.structure.frames; }
   int landmark_count() const { return data_.structure.landmarks; }
@@ -101,27 +83,7 @@ class basic_bundle_problem {
   /// order of its input, at the current estimate: what outliers are told by. Not defined: undefined_chi2, and a depth as it
   /// is (0 for the user's own factors).
   template <std::size_t Group, class Policy, class List>
-  void chi2(context<Policy>& ctx, List& chi2, List& depth) {
-    const auto& group = std::get<Group>(data_.groups);
-    static_assert(std::decay_t<decltype(group)>::with_landmarks);
-    chi2.clear(), depth.clear();
-    if (data_.observations == 0) return;
-    const auto& s = data_.structure.groups[static_cast<std::size_t>(group.landmark_group())];
-    const std::size_t n = s.source.size();
-    ctx.begin_call();
-    double* values = ctx.template scratch<double>(2 * n);
-    fill_bytes(ctx.policy(), values, 0, 2 * n * sizeof(double));
-    group.chi2(ctx.policy(), data_.estimate.current(), values, values + n);
-    staging_.resize(2 * n);
-    copy_out(ctx.policy(), staging_.data(), values, 2 * n * sizeof(double));
-    ctx.synchronize();
-    chi2.resize(group.size()), depth.resize(group.size());
-    for (const auto& c : s.chunks)
-      for (int i = c.begin; i < c.begin + c.count; ++i) {
-        const auto e = static_cast<std::size_t>(i), o = static_cast<std::size_t>(s.source[e]);
-        chi2[o] = staging_[e], depth[o] = staging_[n + e];
-      }
-  }
+  void chi2(context<Policy>& ctx, List& chi2, List& depth);
 
   /// The structure that was made of the inputs, e.g. to look at sizes.
   const adjustment_structure& structure() const { return data_.structure; }
@@ -227,6 +189,56 @@ class basic_bundle_problem {
   mutable plain_vector<double> staging_;
 };
 
+// Out of the class, so that a file that finds them precompiled does not compile them.
+
+template <class Memory, class Frame, class... Groups>
+template <class Policy>
+void basic_bundle_problem<Memory, Frame, Groups...>::assign(context<Policy>& ctx, const frame_input<Frame>& frames,
+                                                            const landmark_input& landmarks, const Groups&... groups) {
+  const bool finite = check(frames, landmarks, groups...);
+  data_.finite = false, data_.observations = 0;  // empty until all is there
+  ctx.synchronize();
+  try {
+    build_structure(frames, landmarks, groups...);
+    group_place place;
+    place.first_cost = data_.structure.partials, place.distance = median_distance(frames, landmarks);
+    std::apply([&](auto&... g) { (g.assign(ctx.policy(), groups, data_.structure, place), ...); }, data_.groups);
+    upload_state(ctx, frames, landmarks);
+    data_.lists.send_sums(ctx.policy(), data_.structure);
+    ctx.synchronize();
+  } catch (...) {
+    data_.structure.frames = data_.structure.landmarks = 0;
+    throw;
+  }
+  std::apply([&](auto&... g) { data_.observations = (std::size_t{0} + ... + g.size()); }, data_.groups);
+  data_.finite = finite;
+  data_.forget_blocks();
+}
+
+template <class Memory, class Frame, class... Groups>
+template <std::size_t Group, class Policy, class List>
+void basic_bundle_problem<Memory, Frame, Groups...>::chi2(context<Policy>& ctx, List& chi2, List& depth) {
+  const auto& group = std::get<Group>(data_.groups);
+  static_assert(std::decay_t<decltype(group)>::with_landmarks);
+  chi2.clear(), depth.clear();
+  if (data_.observations == 0) return;
+  const auto& s = data_.structure.groups[static_cast<std::size_t>(group.landmark_group())];
+  const std::size_t n = s.source.size();
+  ctx.begin_call();
+  double* values = ctx.template scratch<double>(2 * n);
+  fill_bytes(ctx.policy(), values, 0, 2 * n * sizeof(double));
+  group.chi2(ctx.policy(), data_.estimate.current(), values, values + n);
+  staging_.resize(2 * n);
+  copy_out(ctx.policy(), staging_.data(), values, 2 * n * sizeof(double));
+  ctx.synchronize();
+  chi2.resize(group.size()), depth.resize(group.size());
+  for (const auto& c : s.chunks)
+    for (int i = c.begin; i < c.begin + c.count; ++i) {
+      const auto e = static_cast<std::size_t>(i), o = static_cast<std::size_t>(s.source[e]);
+      chi2[o] = staging_[e], depth[o] = staging_[n + e];
+    }
+}
+
 /// A problem that is computed under a policy. Problems of all host policies are one type.
 ///
 ///     using rows = turbomap::reprojections<turbomap::pinhole<double>>;
@@ -236,5 +248,13 @@ class basic_bundle_problem {
 ///     problem.frames(ctx, poses), problem.landmarks(ctx, points);
 template <class Policy, class Frame, class... Groups>
 using bundle_problem = basic_bundle_problem<memory_of_t<Policy>, Frame, Groups...>;
+
+#define TURBOMAP_INSTANTIATE(Camera, Policy)                                                                    \
+  TURBOMAP_INSTANCE void basic_bundle_problem<memory_of_t<Policy>, pose_frame, reprojections<Camera>>::assign(  \
+      context<Policy>&, const frame_input<pose_frame>&, const landmark_input&, const reprojections<Camera>&);   \
+  TURBOMAP_INSTANCE void basic_bundle_problem<memory_of_t<Policy>, pose_frame, reprojections<Camera>>::chi2<0>( \
+      context<Policy>&, plain_vector<double>&, plain_vector<double>&);
+TURBOMAP_PRECOMPILED_ADJUSTMENTS(TURBOMAP_INSTANTIATE)
+#undef TURBOMAP_INSTANTIATE
 
 TURBOMAP_END_NAMESPACE

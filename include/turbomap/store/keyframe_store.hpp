@@ -17,6 +17,7 @@
 #include "../error.hpp"
 #include "../memory.hpp"
 #include "../plain_vector.hpp"
+#include "../precompiled.hpp"
 #include "../slot_table.hpp"
 #include "../span.hpp"
 #include "../traits.hpp"
@@ -186,32 +187,8 @@ class keyframe_store {
     bool published_ = false;
   };
 
-  keyframe_handle insert_through(insertion_lane<Descriptor, Camera, Memory>& lane, const data_type& data) {
-    const keyframe_layout layout = plan_packing(data, options_.packing, lane.scratch);
-    lane.transfer.reserve(layout.bytes);
-    reservation place(*this, layout);
-    std::byte* host = lane.transfer.packing_area(place.block());
-    pack_keyframe(data, layout, lane.scratch, host);
-    lane.transfer.upload(place.block(), host, layout.bytes);
-    lane.transfer.wait();
-    return place.publish();
-  }
-
-  pinned_type pin_behind(work_order<Memory> order, span<const keyframe_handle> handles) {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    poll();
-    for (std::size_t i = 0; i < handles.size(); ++i)
-      if (!alive(handles[i])) require_alive(handles[i], std::string("handles[").append(printed(i)).append("]").c_str());
-    record_type* const record = pins_.idle(handles.size());
-    for (std::size_t i = 0; i < handles.size(); ++i) record->slots[i] = handles[i].slot;
-    waiting_for_room([&] { blocks_.pin(record->slots); });
-    for (std::size_t i = 0; i < handles.size(); ++i) {
-      const std::uint32_t slot = handles[i].slot;
-      record->views[i] = view_at<Descriptor, Camera>(layouts_[slot], blocks_.data(slot));
-    }
-    pins_.hold(record);
-    return pinned_type(this, record, order);
-  }
+  keyframe_handle insert_through(insertion_lane<Descriptor, Camera, Memory>& lane, const data_type& data);
+  pinned_type pin_behind(work_order<Memory> order, span<const keyframe_handle> handles);
 
   [[gnu::noinline]] void release(record_type* record, work_order<Memory> order) noexcept {
     record->done.record(order);
@@ -268,5 +245,47 @@ class keyframe_store {
   insertion_lanes<Descriptor, Camera, Memory> lanes_;
   std::uint64_t uploads_ = 0;
 };
+
+// Out of the class, so that a file that finds them precompiled does not compile them.
+
+template <class Descriptor, class Camera, class Memory>
+keyframe_handle keyframe_store<Descriptor, Camera, Memory>::insert_through(
+    insertion_lane<Descriptor, Camera, Memory>& lane, const data_type& data) {
+  const keyframe_layout layout = plan_packing(data, options_.packing, lane.scratch);
+  lane.transfer.reserve(layout.bytes);
+  reservation place(*this, layout);
+  std::byte* host = lane.transfer.packing_area(place.block());
+  pack_keyframe(data, layout, lane.scratch, host);
+  lane.transfer.upload(place.block(), host, layout.bytes);
+  lane.transfer.wait();
+  return place.publish();
+}
+
+template <class Descriptor, class Camera, class Memory>
+auto keyframe_store<Descriptor, Camera, Memory>::pin_behind(work_order<Memory> order,
+                                                            span<const keyframe_handle> handles) -> pinned_type {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  poll();
+  for (std::size_t i = 0; i < handles.size(); ++i)
+    if (!alive(handles[i])) require_alive(handles[i], std::string("handles[").append(printed(i)).append("]").c_str());
+  record_type* const record = pins_.idle(handles.size());
+  for (std::size_t i = 0; i < handles.size(); ++i) record->slots[i] = handles[i].slot;
+  waiting_for_room([&] { blocks_.pin(record->slots); });
+  for (std::size_t i = 0; i < handles.size(); ++i) {
+    const std::uint32_t slot = handles[i].slot;
+    record->views[i] = view_at<Descriptor, Camera>(layouts_[slot], blocks_.data(slot));
+  }
+  pins_.hold(record);
+  return pinned_type(this, record, order);
+}
+
+#define TURBOMAP_INSTANTIATE(Descriptor, Camera)                                                     \
+  TURBOMAP_INSTANCE keyframe_handle keyframe_store<Descriptor, Camera, host_memory>::insert_through( \
+      insertion_lane<Descriptor, Camera, host_memory>&, const keyframe_data<Descriptor, Camera>&);   \
+  TURBOMAP_INSTANCE pinned_keyframes<Descriptor, Camera, host_memory>                                \
+      keyframe_store<Descriptor, Camera, host_memory>::pin_behind(work_order<host_memory>,           \
+                                                                  span<const keyframe_handle>);
+TURBOMAP_PRECOMPILED_STORES(TURBOMAP_INSTANTIATE)
+#undef TURBOMAP_INSTANTIATE
 
 TURBOMAP_END_NAMESPACE
