@@ -15,6 +15,7 @@
 #include "../math/pack.hpp"
 #include "../parallel.hpp"
 #include "damping.hpp"
+#include "row_couplings.hpp"
 #include "schur_view.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -47,25 +48,35 @@ struct gain_of_landmarks {
   }
 };
 
-/// Index = landmark: factorises its block, damped, and takes its couplings through the factor.
+/// Index = some landmarks: factorises their blocks, damped, and takes their couplings through the factors. All are factorised
+/// first: roots and quotients of one landmark wait for each other, not for those of the next.
 template <class A, int V>
 struct eliminate_landmarks {
+  static constexpr int landmarks_per_index = 16;
   schur_view<A> s;
   turbomap::damping damping;
 
-  TURBOMAP_HD void operator()(int l) const {
-    double h[9];
-    detail::sum_rows(s, l, h);
-    const eliminated_landmark e = eliminate(l, h);
-    s.landmark[l] = e;
-    const factor inverse = factor_of(e);
-    for (int slot = s.landmark_slot[l]; slot < s.landmark_slot[l + 1]; ++slot) take_through(slot, inverse);
+  TURBOMAP_HD void operator()(int i) const {
+    const int begin = i * landmarks_per_index;
+    const int end = begin + landmarks_per_index < s.landmarks ? begin + landmarks_per_index : s.landmarks;
+    for (int l = begin; l < end; ++l) {
+      double h[9];
+      detail::sum_rows(s, l, h);
+      s.landmark[l] = eliminate(l, h);
+    }
+    for (int l = begin; l < end; ++l) {
+      const factor inverse = factor_of(s.landmark[l]);
+      if (s.sums.coupling != nullptr)
+        for (int slot = s.landmark_slot[l]; slot < s.landmark_slot[l + 1]; ++slot) take_through(slot, inverse);
+      else
+        make_couplings(l, inverse);
+    }
   }
 
   /// Landmark l from the sum of its rows.
   TURBOMAP_HD eliminated_landmark eliminate(int l, const double (&h)[9]) const {
-    eliminated_landmark e{};
-    if (s.moves(l)) factorise(h, e);
+    eliminated_landmark e;
+    factorise(h, s.moves(l), e);
     for (int i = 0; i < 3; ++i) e.b[i] = h[6 + i];
     e.c[0] = e.inverse[0] * h[6];
     e.c[1] = e.inverse[1] * h[6] + e.inverse[2] * h[7];
@@ -86,12 +97,15 @@ struct eliminate_landmarks {
 
   /// Takes the coupling of a slot through the factor of its landmark.
   TURBOMAP_HD void take_through(int slot, const factor& f) const {
-    const P(&inverse)[6] = f.inverse;
     P w[3] = {P(A(0)), P(A(0)), P(A(0))};
     for (int k = s.slot_coupling[slot]; k < s.slot_coupling[slot + 1]; ++k) {
       const A* coupling = s.sums.coupling + static_cast<std::ptrdiff_t>(k) * 3 * V;
       for (int m = 0; m < 3; ++m) w[m] = w[m] + P::load(coupling + m * V);
     }
+    take_through(slot, w, f);
+  }
+  TURBOMAP_HD void take_through(int slot, const P (&w)[3], const factor& f) const {
+    const P(&inverse)[6] = f.inverse;
     // What a column's store leaves beyond it, the next column overwrites; the last one must not reach the next slot.
     A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
     const P z0 = w[0] * inverse[0], z1 = multiply_add(w[0], inverse[1], w[1] * inverse[2]);
@@ -102,6 +116,19 @@ struct eliminate_landmarks {
   }
 
  private:
+  /// Takes the couplings of landmark l, made of its rows, through its factor.
+  TURBOMAP_HD void make_couplings(int l, const factor& inverse) const {
+    const double* p = s.positions + static_cast<std::ptrdiff_t>(l) * landmark_stride;
+    int row = s.landmark_row[l];  // those of free frames come first, in the order of slots
+    for (int slot = s.landmark_slot[l]; slot < s.landmark_slot[l + 1]; ++slot) {
+      const int count = s.slot_coupling[slot + 1] - s.slot_coupling[slot];
+      P w[3];
+      make_coupling<V>(s, s.slot_frame[slot], row, count, p, w);
+      take_through(slot, w, inverse);
+      row += count;
+    }
+  }
+
   static_assert(column_lanes<V> <= 2 * V);
   /// V numbers and none more: the next slot may be another thread's.
   TURBOMAP_HD static void store_column(A* to, const pack<A, column_lanes<V>>& column) {
@@ -111,18 +138,25 @@ struct eliminate_landmarks {
   }
 
   /// A direction whose pivot is lost in the rounding of A is left alone: a landmark seen once, hardly damped.
-  TURBOMAP_HD void factorise(const double (&h)[9], eliminated_landmark& e) const {
+  TURBOMAP_HD void factorise(const double (&h)[9], bool moves, eliminated_landmark& e) const {
     const double noise = 16 * detail::epsilon<A>::value;
     const double a = h[0] + damping(h[0]), d = h[2] + damping(h[2]), f = h[5] + damping(h[5]);
-    const double i00 = a > 0 ? 1 / ::sqrt(a) : 0;
+    const double i00 = inverse_root(a, moves ? 0 : a);
     const double l10 = h[1] * i00, l20 = h[3] * i00, p11 = d - l10 * l10;
-    const double i11 = p11 > noise * d ? 1 / ::sqrt(p11) : 0;
+    const double i11 = inverse_root(p11, moves ? noise * d : p11);
     const double l21 = (h[4] - l20 * l10) * i11, p22 = f - l20 * l20 - l21 * l21;
-    const double i22 = p22 > noise * f ? 1 / ::sqrt(p22) : 0;
+    const double i22 = inverse_root(p22, moves ? noise * f : p22);
     e.inverse[0] = i00, e.inverse[2] = i11, e.inverse[5] = i22;
     e.inverse[1] = -l10 * i00 * i11;
     e.inverse[4] = -l21 * i11 * i22;
     e.inverse[3] = -(l20 * i00 + l21 * e.inverse[1]) * i22;
+  }
+  /// 1 / sqrt(x) where x > bound, else 0: without a branch, which would often be guessed wrong.
+  TURBOMAP_HD static double inverse_root(double x, double bound) {
+    const pack<double, 2> root = sqrt(pack<double, 2>(larger(x, 1e-300)));
+    double lanes[2];
+    root.store(lanes);
+    return select_greater(x, bound, 1 / lanes[0], 0.0);
   }
 };
 
@@ -141,7 +175,8 @@ void launch_measure_gains(const thrust::execution_policy<Derived>& policy, const
 template <int V, class Derived, class A>
 void launch_eliminate_landmarks(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s,
                                 const damping& damping) {
-  for_each_index(derived(policy), s.landmarks, eliminate_landmarks<A, V>{s, damping});
+  constexpr int per_index = eliminate_landmarks<A, V>::landmarks_per_index;
+  for_each_index(derived(policy), (s.landmarks + per_index - 1) / per_index, eliminate_landmarks<A, V>{s, damping});
 }
 
 TURBOMAP_END_NAMESPACE

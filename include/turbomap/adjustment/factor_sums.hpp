@@ -48,7 +48,7 @@ template <class A>
 struct factor_sums {
   double* chunk_partial;   ///< [chunk of all groups] landmark_block::partial
   A* row;                  ///< [row] landmark_block::row
-  A* coupling;             ///< [coupling] landmark_block::coupling
+  A* coupling;             ///< [coupling] landmark_block::coupling; null: made of rows (row_couplings.hpp)
   double* factor_partial;  ///< [factor partial] frame_block::partial
   double* factor_square;   ///< [factor between two frames] frame_block::square
 };

@@ -64,7 +64,7 @@ template <int V, int D, class Derived, class A>
 void launch_hold_unknowns(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s,
                           const std::uint32_t* held, int slots) {
   static_assert(D <= 32, "turbomap: a mask of held unknowns has 32 bits");
-  for_each_index(derived(policy), slots, hold_couplings<A, V>{s, held});
+  if (s.sums.coupling != nullptr) for_each_index(derived(policy), slots, hold_couplings<A, V>{s, held});
   for_each_index(derived(policy), s.free_frames, hold_frames<A, D>{s, held});
 }
 

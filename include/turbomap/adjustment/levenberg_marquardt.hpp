@@ -58,7 +58,7 @@ class levenberg_marquardt {
   adjustment_end start() {
     if (data_.observations == 0) return adjustment_end::no_observations;
     if (!data_.finite) return adjustment_end::not_finite;
-    const double cost = equations_.evaluate(ctx_, data_.estimate.current());
+    const double cost = evaluate(data_.estimate.current(), options_.max_iterations > 0);
     summary_.cost_initial = summary_.cost_final = cost;
     if (!detail::is_finite(cost)) return adjustment_end::not_finite;
     summary_.undefined = equations_.undefined();
@@ -88,7 +88,9 @@ class levenberg_marquardt {
     for (int i = 0; i < options_.max_iterations; ++i) {
       if (stopped()) return adjustment_end::stopped;
       if (i > 0 && out_of_time()) return adjustment_end::time_budget;
-      equations_.linearise(ctx_);
+      if (linearised_ != at_current) equations_.linearise(ctx_, data_.estimate.current());
+      equations_.form(ctx_, data_.estimate.current());
+      linearised_ = at_current;
       if (i == 0) summary_.undetermined = equations_.undetermined(ctx_);
       if (i == 0 && !(control.lambda > 0)) {
         control.lambda = first_lambda();
@@ -97,7 +99,8 @@ class levenberg_marquardt {
       ++summary_.iterations;
       const double before = cost;
       adjustment_iteration it{cost, control.lambda, 0, 0};
-      const adjustment_end end = retry(solver, control, cost, it);
+      const bool more = i + 1 < options_.max_iterations;
+      const adjustment_end end = retry(solver, control, cost, it, more);
       it.cost = summary_.cost_final = cost;
       summary_.each.push_back(it);
       if (end != accepted) return end;
@@ -118,10 +121,24 @@ class levenberg_marquardt {
   /// What retry() returns where the adjustment goes on.
   static constexpr adjustment_end accepted = adjustment_end::max_iterations;
 
+  /// The cost of an estimate. \param linearise  it is likely to be linearised next: in the same pass, where that is cheap
+  double evaluate(const estimate_view<typename Data::frame>& x, bool linearise) {
+    if (!Data::reprojections_only || !linearise) return equations_.evaluate(ctx_, x);
+    linearised_ = x.states == data_.estimate.current().states ? at_current : at_trial;
+    return equations_.linearise_and_evaluate(ctx_, x);
+  }
+
   /// Steps of one linearisation, with more and more damping, until one makes the cost smaller.
-  adjustment_end retry(solver_type& solver, damping_control& control, double& cost, adjustment_iteration& it) {
+  /// \param more  another iteration may follow
+  adjustment_end retry(solver_type& solver, damping_control& control, double& cost, adjustment_iteration& it,
+                       bool more) {
     bool factorised = false;
     while (it.steps <= options_.max_retries) {
+      if (linearised_ == at_trial) {  // at one that was refused
+        equations_.linearise(ctx_, data_.estimate.current());
+        equations_.form(ctx_, data_.estimate.current());
+        linearised_ = at_current;
+      }
       ++it.steps, it.lambda = control.lambda;
       double predicted = 0;
       const reduced_step step = take_step(solver, control.lambda, predicted);
@@ -136,9 +153,11 @@ class levenberg_marquardt {
           control.lambda = first_lambda();
           continue;
         }
-        const double after = equations_.evaluate(ctx_, data_.estimate.trial());
-        if (control.accepts(cost, after, predicted)) {
+        const double after = evaluate(data_.estimate.trial(), more && hopeful_);
+        hopeful_ = control.accepts(cost, after, predicted);
+        if (hopeful_) {
           cost = after;
+          linearised_ = linearised_ == at_trial ? at_current : nowhere;
           summary_.undefined = equations_.undefined();
           data_.estimate.accept();
           ++summary_.accepted;
@@ -216,6 +235,8 @@ class levenberg_marquardt {
   normal_equations<Data, G, A> equations_;
   adjustment_summary summary_;
   double* gains_ = nullptr;
+  enum { nowhere, at_current, at_trial } linearised_ = nowhere;
+  bool hopeful_ = true;  ///< the last step was accepted, so the next one probably is
   double largest_ = -1;  ///< of the diagonal, at the first look; -1: not looked at
 };
 

@@ -11,6 +11,7 @@
 #include "../parallel.hpp"
 #include "factor_sums.hpp"
 #include "reprojection.hpp"
+#include "reprojection_cost.hpp"
 #include "reprojection_view.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -25,6 +26,9 @@ struct linearise_reprojections {
   const isometry<double>* T_bw;  ///< [frame]
   const double* landmarks;
   factor_sums<A> sums;
+  cost_sums costs;  ///< null: not asked for
+
+  using part = reprojection_cost_part<G, N>;
 
   TURBOMAP_HD void operator()(int chunk) const {
     const observation_chunk& c = group.chunks[chunk];
@@ -42,6 +46,7 @@ struct linearise_reprojections {
     const isometry<double>& T = T_bw[c.frame];
     const auto& camera = group.cameras[c.kind / 2];
     P H[21], b[6], R[9];
+    part cost;
     for (int i = 0; i < 21; ++i) H[i] = P(A(0));
     for (int i = 0; i < 6; ++i) b[i] = P(A(0));
     for (int i = 0; i < 9; ++i) R[i] = P(static_cast<A>(T.R.m[i]));
@@ -49,12 +54,13 @@ struct linearise_reprojections {
       if constexpr (N > 1)
         for (int l = i + N; l < i + 2 * N && l < c.count; ++l) {  // where the next ones are written
           prefetch(sums.row + static_cast<std::ptrdiff_t>(group.row[c.begin + l]) * block::row, 64);
-          if (c.free >= 0)
+          if (c.free >= 0 && sums.coupling != nullptr)
             prefetch(sums.coupling + static_cast<std::ptrdiff_t>(group.coupling[c.begin + l]) * block::coupling,
                      block::coupling * static_cast<int>(sizeof(A)));
         }
-      observe<Stereo>(c, c.begin + i, c.count - i < N ? c.count - i : N, kernel, camera, T, R, H, b);
+      observe<Stereo>(c, c.begin + i, c.count - i < N ? c.count - i : N, kernel, camera, T, R, H, b, cost);
     }
+    if (costs.cost != nullptr) write_cost(group, chunk, sum(cost.total), sum(cost.missing), costs);
     if (c.free < 0) return;
     double* out = sums.chunk_partial + static_cast<std::ptrdiff_t>(group.first_chunk + chunk) * block::partial;
     for (int i = 0; i < block::partial; ++i) out[i] = 0;
@@ -63,11 +69,12 @@ struct linearise_reprojections {
   }
 
  public:
-  /// N observations from entry i, of which `count` are real: their rows and couplings, and what they add to H and b of the frame.
+  /// N observations from entry i, of which `count` are real: their rows and couplings, and what they add to H and b of the frame
+  /// and to the cost.
   template <bool Stereo>
   TURBOMAP_HD void observe(const observation_chunk& c, int i, int count, const Kernel& kernel,
                            const adjustment_camera<Camera>& camera, const isometry<double>& T, const P (&R)[9],
-                           P (&H)[21], P (&b)[6]) const {
+                           P (&H)[21], P (&b)[6], part& cost) const {
     constexpr int size = Stereo ? 3 : 2;
     const auto body = transform(T, group.template points<G, N>(landmarks, i));
     const auto information = convert<G>(pack<double, N>::load(group.information + i));
@@ -76,6 +83,7 @@ struct linearise_reprojections {
     pack<G, N> chi2 = r.e[0] * r.e[0] + r.e[1] * r.e[1], rho, weight;
     if constexpr (Stereo) chi2 = chi2 + r.e[2] * r.e[2];
     apply_kernel(kernel, information * chi2, rho, weight);
+    cost.add(information, rho, r.defined);
     const P w = convert<A>(weight * information * r.defined);
 
     // M = d^T w d and g = d^T w e, by the point in body coordinates.
@@ -109,19 +117,24 @@ struct linearise_reprojections {
 
     // By the frame's step: the point moves by omega x X + v.
     const vec3<P> X{convert<A>(body.x), convert<A>(body.y), convert<A>(body.z)};
-    P coupling[block::coupling], F[9];  // F = [X]x M
+    if (sums.coupling != nullptr) {
+      P coupling[block::coupling];
+      for (int k = 0; k < 3; ++k) {
+        P* w_column = coupling + k * V;
+        w_column[0] = X.y * MR[6 + k] - X.z * MR[3 + k];
+        w_column[1] = X.z * MR[k] - X.x * MR[6 + k];
+        w_column[2] = X.x * MR[3 + k] - X.y * MR[k];
+        w_column[3] = MR[k], w_column[4] = MR[3 + k], w_column[5] = MR[6 + k];
+        for (int m = 6; m < V; ++m) w_column[m] = P(A(0));
+      }
+      scatter(coupling, sums.coupling, group.coupling + i, block::coupling, count);
+    }
+    P F[9];  // [X]x M
     for (int k = 0; k < 3; ++k) {
-      P* w_column = coupling + k * V;
-      w_column[0] = X.y * MR[6 + k] - X.z * MR[3 + k];
-      w_column[1] = X.z * MR[k] - X.x * MR[6 + k];
-      w_column[2] = X.x * MR[3 + k] - X.y * MR[k];
-      w_column[3] = MR[k], w_column[4] = MR[3 + k], w_column[5] = MR[6 + k];
-      for (int m = 6; m < V; ++m) w_column[m] = P(A(0));
       F[k] = X.y * S[6 + k] - X.z * S[3 + k];
       F[3 + k] = X.z * S[k] - X.x * S[6 + k];
       F[6 + k] = X.x * S[3 + k] - X.y * S[k];
     }
-    scatter(coupling, sums.coupling, group.coupling + i, block::coupling, count);
     for (int k = 0; k < 3; ++k) {  // rows omega: F [X]x^T = X x (row of F)
       const P* f = F + 3 * k;
       const P row[3] = {X.y * f[2] - X.z * f[1], X.z * f[0] - X.x * f[2], X.x * f[1] - X.y * f[0]};
@@ -139,14 +152,15 @@ struct linearise_reprojections {
   }
 };
 
-/// \tparam G  numbers of residuals  \tparam V  unknowns of a frame that its observations depend on
+/// \tparam G     numbers of residuals  \tparam V  unknowns of a frame that its observations depend on
+/// \param costs  as launch_sum_reprojection_cost() gives them; null pointers: not asked for
 template <class G, int V, class Derived, class Camera, class Kernel, class A>
 void launch_linearise_reprojections(const thrust::execution_policy<Derived>& policy,
                                     const reprojection_view<Camera, Kernel>& group, const isometry<double>* T_bw,
-                                    const double* landmarks, const factor_sums<A>& sums) {
+                                    const double* landmarks, const factor_sums<A>& sums, const cost_sums& costs) {
   constexpr int lanes = observation_shape<memory_of_t<Derived>>::lanes;
   for_each_index(derived(policy), group.chunk_count,
-                 linearise_reprojections<Camera, Kernel, G, A, lanes, V>{group, T_bw, landmarks, sums});
+                 linearise_reprojections<Camera, Kernel, G, A, lanes, V>{group, T_bw, landmarks, sums, costs});
 }
 
 TURBOMAP_END_NAMESPACE

@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <tuple>
+#include <type_traits>
 
 #include "../config.hpp"
 #include "../context.hpp"
@@ -38,7 +39,13 @@ class normal_equations {
     s_.free_frames = s.free_frames, s_.landmarks = s.landmarks;
     s_.landmark_fixed = data.landmark_fixed.host().empty() ? nullptr : data.landmark_fixed.data();
     s_.sums.row = ctx.template scratch<A>(s.rows() * landmark_block<V>::row + column_slack);
-    s_.sums.coupling = ctx.template scratch<A>(s.couplings() * landmark_block<V>::coupling + column_slack);
+    if constexpr (from_rows<memory_of_t<Policy>>) {
+      axes_ = ctx.template scratch<A>(at(s.free_frames) * 6 * column_lanes<V>);
+      centres_ = ctx.template scratch<double>(at(s.free_frames) * landmark_stride);
+      s_.axes = axes_, s_.centres = centres_;
+    } else {
+      s_.sums.coupling = ctx.template scratch<A>(s.couplings() * landmark_block<V>::coupling + column_slack);
+    }
     s_.eliminated = ctx.template scratch<A>(s.slots() * landmark_block<V>::coupling + column_slack);
     s_.sums.chunk_partial = ctx.template scratch<double>(at(s.partials) * landmark_block<V>::partial);
     s_.sums.factor_partial = ctx.template scratch<double>(at(s.factor_partials) * frame_block<D>::partial);
@@ -66,20 +73,30 @@ class normal_equations {
   /// The robust cost of an estimate, and undefined(). Summed in one order.
   template <class Policy>
   double evaluate(context<Policy>& ctx, const estimate_view<Frame>& x) {
-    const std::size_t n = data_.structure.costs();
-    const cost_sums sums{costs_, costs_ + n};
-    std::apply([&](auto&... g) { (g.template cost<G>(ctx.policy(), x, sums), ...); }, data_.groups);
-    const double* c = on_host(ctx, costs_, 2 * n, data_.workspace.sums);
-    undefined_ = static_cast<int>(detail::sum_in_order(c + n, n));
-    return detail::sum_in_order(c, n);
+    std::apply([&](auto&... g) { (g.template cost<G>(ctx.policy(), x, costs()), ...); }, data_.groups);
+    return sum_costs(ctx);
   }
 
-  /// At the current estimate.
+  /// Linearises all factors at an estimate: rows, couplings and partial sums. form() sums them.
   template <class Policy>
-  void linearise(context<Policy>& ctx) {
-    const estimate_view<Frame> x = data_.estimate.current();
-    std::apply([&](auto&... g) { (g.template linearise<G>(ctx.policy(), x, s_.sums), ...); }, data_.groups);
+  void linearise(context<Policy>& ctx, const estimate_view<Frame>& x) {
+    linearise(ctx, x, {nullptr, nullptr});
+  }
+  /// The same, and evaluate().
+  template <class Policy>
+  double linearise_and_evaluate(context<Policy>& ctx, const estimate_view<Frame>& x) {
+    linearise(ctx, x, costs());
+    return sum_costs(ctx);
+  }
+
+  /// The normal equations of what was linearised, at the estimate that it was linearised at.
+  template <class Policy>
+  void form(context<Policy>& ctx, const estimate_view<Frame>& x) {
     launch_sum_frames<V, D>(ctx.policy(), s_);
+    s_.positions = x.landmarks;
+    if constexpr (from_rows<memory_of_t<Policy>>)
+      launch_prepare_axes<V>(ctx.policy(), data_.structure.frames, s_.free_of_frame, x.poses,
+                             data_.held.host().empty() ? nullptr : data_.held.data(), axes_, centres_);
     if constexpr (D <= 32)
       if (!data_.held.host().empty())
         launch_hold_unknowns<V, D>(ctx.policy(), s_, data_.held.data(), static_cast<int>(data_.structure.slots()));
@@ -125,8 +142,28 @@ class normal_equations {
   }
 
  private:
+  cost_sums costs() const { return {costs_, costs_ + data_.structure.costs()}; }
+
+  template <class Policy>
+  double sum_costs(context<Policy>& ctx) {
+    const std::size_t n = data_.structure.costs();
+    const double* c = on_host(ctx, costs_, 2 * n, data_.workspace.sums);
+    undefined_ = static_cast<int>(detail::sum_in_order(c + n, n));
+    return detail::sum_in_order(c, n);
+  }
+  template <class Policy>
+  void linearise(context<Policy>& ctx, const estimate_view<Frame>& x, const cost_sums& costs) {
+    std::apply([&](auto&... g) { (g.template linearise<G>(ctx.policy(), x, s_.sums, costs), ...); }, data_.groups);
+  }
+
+  /// Whether couplings are made of rows (row_couplings.hpp): on the host.
+  template <class Memory>
+  static constexpr bool from_rows = std::is_same_v<Memory, host_memory>&& Data::reprojections_only;
+
   Data& data_;
   schur_view<A> s_{};
+  A* axes_ = nullptr;
+  double* centres_ = nullptr;
   double *costs_ = nullptr, *scales_ = nullptr;
   int undefined_ = 0;
 };

@@ -64,6 +64,7 @@ template <class Memory, class FrameType, class... Groups>
 struct problem_data {
   using frame = FrameType;
   static constexpr int dof = frame::dof, landmark_dof = frame::landmark_dof;
+  static constexpr bool reprojections_only = !(resident_group<Groups, frame, Memory>::own_landmark_factors || ...);
 
   explicit problem_data(std::pmr::memory_resource* r)
       : groups(resident_group<Groups, frame, Memory>(r)...), lists(r), landmark_fixed(r), held(r), estimate(r) {}

@@ -13,6 +13,32 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// Robust cost of observations that are defined, and number of the others.
+template <class G, int N>
+struct reprojection_cost_part {
+  using P = pack<G, N>;
+  P total = P(G(0)), missing = P(G(0));
+
+  /// \param rho  of each, whether or not it is defined
+  TURBOMAP_HD void add(const P& information, const P& rho, const P& defined) {
+    const P one(G(1)), zero(G(0));
+    total = total + rho * defined;
+    missing = missing + select_greater(information, zero, one - defined, zero);  // padding has no information
+  }
+};
+
+/// Writes the cost of a chunk, of all its observations.
+template <class Camera, class Kernel, class G>
+TURBOMAP_HD void write_cost(const reprojection_view<Camera, Kernel>& group, int chunk, G total, G missing,
+                            const cost_sums& sums) {
+  const Kernel& kernel = group.chunks[chunk].kind % 2 == 1 ? group.stereo : group.mono;
+  double rho_undefined, unused;
+  kernel(group.undefined_chi2, rho_undefined, unused);
+  const double undefined_count = static_cast<double>(missing);
+  sums.cost[group.first_chunk + chunk] = static_cast<double>(total) + undefined_count * rho_undefined;
+  sums.undefined[group.first_chunk + chunk] = undefined_count;
+}
+
 /// Index = chunk: its robust cost, and how many of its observations are not defined.
 template <class Camera, class Kernel, class G, int N>
 struct cost_of_reprojections {
@@ -22,10 +48,7 @@ struct cost_of_reprojections {
   cost_sums sums;
 
   using P = pack<G, N>;
-  /// Robust cost of observations that are defined, and number of the others.
-  struct part {
-    P total = P(G(0)), missing = P(G(0));
-  };
+  using part = reprojection_cost_part<G, N>;
 
   TURBOMAP_HD void operator()(int chunk) const {
     const observation_chunk& c = group.chunks[chunk];
@@ -40,20 +63,12 @@ struct cost_of_reprojections {
     else
       add<false>(c, group.mono, first, step, p);
   }
-  TURBOMAP_HD void finish(int chunk, G total, G missing) const {
-    const Kernel& kernel = group.chunks[chunk].kind % 2 == 1 ? group.stereo : group.mono;
-    double rho_undefined, unused;
-    kernel(group.undefined_chi2, rho_undefined, unused);
-    const double undefined_count = static_cast<double>(missing);
-    sums.cost[group.first_chunk + chunk] = static_cast<double>(total) + undefined_count * rho_undefined;
-    sums.undefined[group.first_chunk + chunk] = undefined_count;
-  }
+  TURBOMAP_HD void finish(int chunk, G total, G missing) const { write_cost(group, chunk, total, missing, sums); }
 
  private:
   template <bool Stereo>
   TURBOMAP_HD void add(const observation_chunk& c, const Kernel& kernel, int first, int step, part& p) const {
-    const P one(G(1)), zero(G(0));
-    P total = p.total, missing = p.missing;
+    part all = p;
     for (int i = c.begin + first; i < c.begin + c.count; i += step) {
       lane_reprojection<G, G, N> r;
       const auto body = transform(T_bw[c.frame], group.template points<G, N>(landmarks, i));
@@ -62,10 +77,9 @@ struct cost_of_reprojections {
       P chi2 = r.e[0] * r.e[0] + r.e[1] * r.e[1], rho, weight;
       if constexpr (Stereo) chi2 = chi2 + r.e[2] * r.e[2];
       apply_kernel(kernel, information * chi2, rho, weight);
-      total = total + rho * r.defined;
-      missing = missing + select_greater(information, zero, one - r.defined, zero);  // padding has no information
+      all.add(information, rho, r.defined);
     }
-    p.total = total, p.missing = missing;
+    p = all;
   }
 };
 

@@ -22,7 +22,7 @@ template <class Factor, class Kernel, class Frame, class Memory>
 class resident_group<landmark_factors<Factor, Kernel>, Frame, Memory> {
  public:
   using group_type = landmark_factors<Factor, Kernel>;
-  static constexpr bool with_landmarks = true;
+  static constexpr bool with_landmarks = true, own_landmark_factors = true;
 
   explicit resident_group(std::pmr::memory_resource* r) : entries_(r), rows_(r) {}
 
@@ -59,8 +59,10 @@ class resident_group<landmark_factors<Factor, Kernel>, Frame, Memory> {
   }
 
   template <class G, class Policy, class A>
-  void linearise(const Policy& policy, const estimate_view<Frame>& x, const factor_sums<A>& sums) const {
+  void linearise(const Policy& policy, const estimate_view<Frame>& x, const factor_sums<A>& sums,
+                 const cost_sums& costs) const {
     launch_linearise_landmark_factors(policy, *view_, x, sums);
+    if (costs.cost != nullptr) cost<G>(policy, x, costs);
   }
   template <class G, class Policy>
   void cost(const Policy& policy, const estimate_view<Frame>& x, const cost_sums& sums) const {
@@ -113,7 +115,7 @@ class resident_frame_group {
   using group_type = Group;
   using factor = decltype(Group::factor);
   using kernel = decltype(Group::kernel);
-  static constexpr bool with_landmarks = false;
+  static constexpr bool with_landmarks = false, own_landmark_factors = false;
 
   explicit resident_frame_group(std::pmr::memory_resource* r) : first_(r), second_(r), rows_(r) {}
 
@@ -149,8 +151,10 @@ class resident_frame_group {
   }
 
   template <class G, class Policy, class A>
-  void linearise(const Policy& policy, const estimate_view<Frame>& x, const factor_sums<A>& sums) const {
+  void linearise(const Policy& policy, const estimate_view<Frame>& x, const factor_sums<A>& sums,
+                 const cost_sums& costs) const {
     launch_linearise_frame_factors<Pair>(policy, *view_, x, sums.factor_partial, sums.factor_square);
+    if (costs.cost != nullptr) cost<G>(policy, x, costs);
   }
   template <class G, class Policy>
   void cost(const Policy& policy, const estimate_view<Frame>& x, const cost_sums& sums) const {

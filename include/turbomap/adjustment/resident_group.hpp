@@ -22,10 +22,13 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// Members of each specialisation:
 ///
+///     static constexpr bool with_landmarks;
+///     static constexpr bool own_landmark_factors;      // with landmarks, and not reprojections
 ///     static bool check(group, frames, landmarks);     // throws std::invalid_argument; whether all numbers are finite
 ///     void describe(group, structure_inputs&);         // adds what the structure must know
 ///     void assign(policy, group, structure, place);    // takes the group; moves `place` to the next one's
-///     template <class G> void linearise(policy, estimate, factor_sums) const;  // G: numbers of residuals
+///     template <class G> void linearise(policy, estimate, factor_sums, cost_sums) const;  // G: numbers of
+///                                                      // residuals; cost_sums of null pointers: not asked for
 ///     template <class G> void cost(policy, estimate, cost_sums) const;
 ///     void chi2(policy, estimate, chi2, depth) const;  // groups with landmarks, per entry
 template <class Group, class Frame, class Memory>

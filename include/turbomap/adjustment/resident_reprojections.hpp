@@ -25,7 +25,7 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
  public:
   static_assert(require_camera<Camera>());
   using group_type = reprojections<Camera, Kernel>;
-  static constexpr bool with_landmarks = true;
+  static constexpr bool with_landmarks = true, own_landmark_factors = false;
 
   explicit resident_group(std::pmr::memory_resource* r)
       : cameras_(r), entries_(r), u_(r), v_(r), u_right_(r), information_(r) {}
@@ -97,8 +97,9 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
   }
 
   template <class G, class Policy, class A>
-  void linearise(const Policy& policy, const estimate_view<Frame>& x, const factor_sums<A>& sums) const {
-    launch_linearise_reprojections<G, Frame::landmark_dof>(policy, view(), x.poses, x.landmarks, sums);
+  void linearise(const Policy& policy, const estimate_view<Frame>& x, const factor_sums<A>& sums,
+                 const cost_sums& costs) const {
+    launch_linearise_reprojections<G, Frame::landmark_dof>(policy, view(), x.poses, x.landmarks, sums, costs);
   }
   template <class G, class Policy>
   void cost(const Policy& policy, const estimate_view<Frame>& x, const cost_sums& sums) const {

@@ -40,6 +40,10 @@ struct schur_view : sum_lists<list_pointer>, block_lists<list_pointer> {
   factor_sums<A> sums{};
   A* eliminated = nullptr;  ///< [slot] Z = coupling L^-T, as couplings
   eliminated_landmark* landmark = nullptr;
+  // Where sums.coupling is null, couplings are made of rows (row_couplings.hpp), and of these:
+  const A* axes = nullptr;            ///< [free frame]
+  const double* centres = nullptr;    ///< [free frame] landmark_stride
+  const double* positions = nullptr;  ///< of the landmarks where the rows were computed
   double* H = nullptr;  ///< [free frame] lower triangle
   double* b = nullptr;  ///< [free frame]
 

@@ -28,6 +28,7 @@ __global__ void __launch_bounds__(linearise_tuning::threads)
   const bool is_chunk = chunk < group.chunk_count;
   const observation_chunk c = group.chunks[is_chunk ? chunk : 0];
   P H[triangle], b[6];
+  reprojection_cost_part<G, 1> cost;
   for (int i = 0; i < triangle; ++i) H[i] = P(A(0));
   for (int i = 0; i < 6; ++i) b[i] = P(A(0));
   if (is_chunk) {
@@ -37,9 +38,13 @@ __global__ void __launch_bounds__(linearise_tuning::threads)
     for (int i = 0; i < 9; ++i) R[i] = P(static_cast<A>(T.R.m[i]));
     for (int i = lane; i < c.count; i += lanes)
       if (c.kind % 2 == 1)
-        work.template observe<true>(c, c.begin + i, 1, group.stereo, camera, T, R, H, b);
+        work.template observe<true>(c, c.begin + i, 1, group.stereo, camera, T, R, H, b, cost);
       else
-        work.template observe<false>(c, c.begin + i, 1, group.mono, camera, T, R, H, b);
+        work.template observe<false>(c, c.begin + i, 1, group.mono, camera, T, R, H, b, cost);
+  }
+  if (work.costs.cost != nullptr) {
+    const G total = sum_lanes<lanes>(cost.total.v[0]), missing = sum_lanes<lanes>(cost.missing.v[0]);
+    if (is_chunk && lane == 0) write_cost(group, chunk, total, missing, work.costs);
   }
   A x[size], mine[sums_per_lane<lanes, size>];
   for (int i = 0; i < size; ++i)
@@ -58,11 +63,11 @@ __global__ void __launch_bounds__(linearise_tuning::threads)
 template <class G, int V, class Derived, class Camera, class Kernel, class A>
 void launch_linearise_reprojections(const thrust::cuda_cub::execution_policy<Derived>& policy,
                                     const reprojection_view<Camera, Kernel>& group, const isometry<double>* T_bw,
-                                    const double* landmarks, const factor_sums<A>& sums) {
+                                    const double* landmarks, const factor_sums<A>& sums, const cost_sums& costs) {
   constexpr int chunks = linearise_tuning::threads / linearise_tuning::lanes;
   launch_kernel(policy, "launch of linearise_reprojections", linearise_reprojections_kernel<Camera, Kernel, G, A, V>,
                 (group.chunk_count + chunks - 1) / chunks, linearise_tuning::threads,
-                linearise_reprojections<Camera, Kernel, G, A, 1, V>{group, T_bw, landmarks, sums});
+                linearise_reprojections<Camera, Kernel, G, A, 1, V>{group, T_bw, landmarks, sums, costs});
 }
 
 TURBOMAP_END_NAMESPACE
