@@ -83,13 +83,14 @@ class block_finder {
     const std::size_t n = at(s.free_frames);
     shared_.assign(n, 0), joined_.assign(n, 0), next_.resize(n), next_factor_.resize(n);
     for (std::int32_t i = 0; i < s.free_frames; ++i) {
-      columns_.clear();
+      columns_.clear(), row_pairs_.clear();
       const auto touch = [&](std::int32_t j) {
         if (shared_[at(j)] == 0 && joined_[at(j)] == 0) columns_.push_back(j);
       };
-      for_each_pair(s, i, [&](std::int32_t, std::int32_t t) {
+      for_each_pair(s, i, [&](std::int32_t a, std::int32_t t) {
         const std::int32_t j = s.slot_frame[at(t)];
         touch(j), ++shared_[at(j)];
+        row_pairs_.push_back({a, t});
       });
       for (std::int32_t k = factor_begin_[at(i)]; k < factor_begin_[at(i) + 1]; ++k) {
         const std::int32_t j = factor_column_[at(factor_order_[at(k)])];
@@ -104,9 +105,7 @@ class block_finder {
         shared_[at(j)] = 0, joined_[at(j)] = 0;
       }
       s.pairs.resize(at(s.block_pair.back())), s.factor_list.resize(at(s.block_factor.back()));
-      for_each_pair(s, i, [&](std::int32_t a, std::int32_t t) {
-        s.pairs[at(next_[at(s.slot_frame[at(t)])]++)] = {a, t};
-      });
+      for (const auto& pair : row_pairs_) s.pairs[at(next_[at(s.slot_frame[at(pair.second)])]++)] = pair;
       for (std::int32_t k = factor_begin_[at(i)]; k < factor_begin_[at(i) + 1]; ++k) {
         const std::size_t f = at(factor_order_[at(k)]);
         s.factor_list[at(next_factor_[at(factor_column_[f])]++)] = factor_code_[f];
@@ -137,6 +136,7 @@ class block_finder {
     }
   }
 
+  plain_vector<slot_pair> row_pairs_;  ///< of one frame with the later ones
   plain_vector<std::int32_t> columns_, shared_, joined_, next_, next_factor_;
   plain_vector<std::int32_t> factor_row_, factor_column_, factor_code_, factor_begin_, factor_order_;
   bin_lister list_by_bin_;
