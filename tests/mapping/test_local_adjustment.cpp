@@ -56,16 +56,32 @@ constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
 TEST_CASE_TEMPLATE("the window: who is free, who is fixed, and nobody else moves", Map, flat_map, pointer_map) {
   using traits = turbomap::map_traits<Map>;
   std::set<std::size_t> sizes;
-  int widened = 0;
+  int widened = 0, bounded = 0;
+  struct recipe {
+    int shared, second, most;
+  };
   for (const std::size_t current : {0, 1, 5, 9})
-    for (const auto& least : std::vector<std::pair<int, int>>{
-             {1, 0}, {15, 0}, {40, 0}, {60, 0}, {100000, 0}, {60, 40}, {60, 70}, {100000, 60}}) {
-      const int shared = least.first, second = least.second;
+    for (const recipe& r : std::vector<recipe>{{1, 0, 0},
+                                               {15, 0, 128},
+                                               {40, 0, 128},
+                                               {60, 0, 128},
+                                               {100000, 0, 128},
+                                               {60, 40, 128},
+                                               {60, 70, 0},
+                                               {100000, 60, 128},
+                                               {1, 0, 1},
+                                               {1, 0, 4},
+                                               {60, 40, 5},
+                                               {60, 40, 2}}) {
+      const int shared = r.shared, second = r.second;
+      const std::size_t most = r.most == 0 ? 1000000 : static_cast<std::size_t>(r.most);
       CAPTURE(current);
       CAPTURE(shared);
       CAPTURE(second);
       local_scene<Map> s;
-      const auto w = window_by_definition(sightings_of(s), current, shared, origin_of(s), second);
+      const auto w = window_by_definition(sightings_of(s), current, shared, origin_of(s), second, most);
+      const auto all = window_by_definition(sightings_of(s), current, shared, origin_of(s), second);
+      bounded += w.free.size() < all.free.size() ? 1 : 0;
       const auto first = window_by_definition(sightings_of(s), current, shared, origin_of(s));
       widened += w.free.size() > first.free.size() ? 1 : 0;
       std::vector<turbomap::rigid_transform<double>> poses;
@@ -74,23 +90,25 @@ TEST_CASE_TEMPLATE("the window: who is free, who is fixed, and nobody else moves
       for (const auto& p : s.points) positions.push_back(traits::position(s.map, p));
       local_adjustment_options options;
       options.min_shared_points = shared, options.solve.max_iterations = 2;
-      options.second_min_shared_points = second;
+      options.second_min_shared_points = second, options.most_keyframes = r.most;
       const auto summary = adjust_around(sequential{}, s, current, options);
       CHECK(summary.free_keyframes == w.free.size());
       CHECK(summary.fixed_keyframes == w.fixed.size());
       CHECK(summary.points == w.points.size());
       CHECK(summary.observations == w.observations);
       CHECK_FALSE(summary.stale);
-      REQUIRE(summary.solve.accepted > 0);
+      REQUIRE((summary.solve.accepted > 0 || w.free.empty()));
       for (std::size_t f = 0; f < poses.size(); ++f)
         CHECK(same_pose(traits::pose(s.map, s.keyframes[f]), poses[f]) == (w.free.count(f) == 0));
       for (std::size_t l = 0; l < positions.size(); ++l)
         if (traits::alive(s.map, s.points[l]))
-          CHECK(same_place(traits::position(s.map, s.points[l]), positions[l]) == (w.points.count(l) == 0));
+          CHECK(same_place(traits::position(s.map, s.points[l]), positions[l]) ==
+                (w.points.count(l) == 0 || w.free.empty()));
       sizes.insert(w.free.size());
     }
   CHECK(sizes.size() >= 4);
   CHECK(widened >= 4);
+  CHECK(bounded >= 8);
 }
 
 TEST_CASE("with nothing fixed the oldest keyframe is; its age is its id, not its place") {
@@ -516,6 +534,7 @@ TEST_CASE("bad input is refused by name, and the map stays") {
   check_refused(s, with([](auto& o) { o.stereo_chi2 = -1; }), "options.stereo_chi2 = -1");
   check_refused(s, with([](auto& o) { o.scales.scale_factor = 0.5F; }), "options.scales.scale_factor = 0.5");
   check_refused(s, with([](auto& o) { o.second_min_shared_points = -1; }), "options.second_min_shared_points = -1");
+  check_refused(s, with([](auto& o) { o.most_keyframes = -1; }), "options.most_keyframes = -1");
   check_refused(s, with([](auto& o) { o.fewest_measurements = -1; }), "options.fewest_measurements = -1");
   check_refused(s, with([](auto& o) { o.solve.max_iterations = -1; }), "options.max_iterations = -1");
   CHECK_FALSE(s.map.watch.held);

@@ -6,6 +6,7 @@
 /// Which keyframes and points a local adjustment takes, and which points its outliers leave, by definition: sets of ids, all
 /// pairs compared. It uses none of the library.
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <map>
@@ -26,32 +27,40 @@ struct oracle_window {
   std::size_t observations = 0;
 };
 
-/// Keyframes that share enough points with one (without any: the one that shares most, of these the oldest).
-inline oracle_ids covisible_by_definition(const oracle_sightings& seen, std::uint64_t keyframe, int min_shared) {
-  oracle_ids found;
+/// Keyframes that share enough points with one, most shared first, of equal ones the oldest (without any: the one that shares most).
+inline std::vector<std::uint64_t> covisible_by_definition(const oracle_sightings& seen, std::uint64_t keyframe,
+                                                          int min_shared) {
+  std::vector<std::pair<int, std::uint64_t>> found;
   std::pair<int, std::uint64_t> best{0, 0};
   for (const auto& [k, points] : seen) {
     int shared = 0;
     for (const auto& [p, unused] : seen.at(keyframe)) shared += points.count(p) != 0 ? 1 : 0;
     if (k == keyframe || shared == 0) continue;
-    if (shared >= min_shared) found.insert(k);
+    if (shared >= min_shared) found.push_back({shared, k});
     if (shared > best.first) best = {shared, k};
   }
-  if (found.empty() && best.first > 0) found.insert(best.second);
-  return found;
+  if (found.empty() && best.first > 0) found.push_back(best);
+  std::sort(found.begin(), found.end(),
+            [](const auto& a, const auto& b) { return a.first != b.first ? a.first > b.first : a.second < b.second; });
+  std::vector<std::uint64_t> ids;
+  for (const auto& [unused, k] : found) ids.push_back(k);
+  return ids;
 }
 
 /// Free: the current keyframe, those that are covisible with it and, if second_min_shared is not 0, those that are covisible with
-/// one of these, but not the origin. Fixed: all others that see a point of theirs, and the origin among them. With none
-/// fixed: the oldest.
+/// one of these, but not the origin; no more than `most` in this order, with the origin. Fixed: all others that see a point of
+/// theirs, and the origin among them. With none fixed: the oldest.
 inline oracle_window window_by_definition(const oracle_sightings& seen, std::uint64_t current, int min_shared,
-                                          std::optional<std::uint64_t> origin, int second_min_shared = 0) {
-  const oracle_ids first = covisible_by_definition(seen, current, min_shared);
-  oracle_ids local = first;
-  local.insert(current);
+                                          std::optional<std::uint64_t> origin, int second_min_shared = 0,
+                                          std::size_t most = 1000000) {
+  oracle_ids local{current}, first;
+  for (const auto k : covisible_by_definition(seen, current, min_shared))
+    if (local.size() < most) local.insert(k), first.insert(k);
   if (second_min_shared > 0)
-    for (const auto k : first)
-      for (const auto other : covisible_by_definition(seen, k, second_min_shared)) local.insert(other);
+    for (const auto k : covisible_by_definition(seen, current, min_shared))
+      if (first.count(k) != 0)
+        for (const auto other : covisible_by_definition(seen, k, second_min_shared))
+          if (local.size() < most) local.insert(other);
   oracle_window w;
   for (const auto k : local)
     for (const auto& [p, unused] : seen.at(k)) w.points.insert(p);

@@ -48,6 +48,7 @@ inline void check(const local_adjustment_options& o) {
   require_correlation(o.stereo_correlation, "options.stereo_correlation");
   require(o.second_min_shared_points >= 0, "options.second_min_shared_points", o.second_min_shared_points,
           "must not be negative");
+  require(o.most_keyframes >= 0, "options.most_keyframes", o.most_keyframes, "must not be negative");
   require(o.fewest_measurements >= 0, "options.fewest_measurements", o.fewest_measurements, "must not be negative");
   require(o.points_per_guard >= 0, "options.points_per_guard", o.points_per_guard, "must not be negative");
   require(o.near_depth >= 0, "options.near_depth", o.near_depth, "must not be negative");

@@ -41,22 +41,24 @@ class adjustment_window {
 
   /// The caller holds the guard. \param current  alive and in the store
   /// \param second_min_shared_points  0: no keyframes of the second order
+  /// \param most_keyframes  that are not fixed, best covisible ones first; 0: all
   /// \throws inconsistent_map  an observation by a keypoint that its keyframe does not have, a pose or position that cannot be
   ///         used; where the scope notes faults, these are passed over. Empty where the pose is that of `current`
   /// O(observations of the points of the free keyframes).
   template <class Policy>
   void gather(const mapping_scope<Map, Policy>& s, keyframe current, int min_shared_points,
-              int second_min_shared_points) {
+              int second_min_shared_points, int most_keyframes) {
     const Map& map = s.map;
+    const std::size_t most = most_keyframes == 0 ? no_limit : static_cast<std::size_t>(most_keyframes);
     clear();
     if (add_frame(map, s.stored, current, false, s.faults) == id_table::none) return;
     const auto can_use = [&](keyframe k) { return s.can_use(k); };
-    for (const auto& c : covisibility_(map, current, min_shared_points, no_limit, can_use))
+    for (const auto& c : covisibility_(map, current, min_shared_points, most - 1, can_use))
       add_frame(map, s.stored, c.keyframe, false, s.faults);
     const std::size_t first_order = second_min_shared_points > 0 ? frames_.size() : 0;
-    for (std::size_t f = 1; f < first_order; ++f)
+    for (std::size_t f = 1; f < first_order && frames_.size() < most; ++f)
       for (const auto& c : covisibility_(map, frames_[f], second_min_shared_points, no_limit, can_use))
-        add_frame(map, s.stored, c.keyframe, false, s.faults);
+        if (frames_.size() < most) add_frame(map, s.stored, c.keyframe, false, s.faults);
     const std::size_t local = frames_.size();
     for (std::size_t f = 0; f < local; ++f) add_points_of(map, s.stored, f, true, s.faults);
     hold_something(local);

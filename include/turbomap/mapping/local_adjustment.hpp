@@ -65,7 +65,7 @@ class local_adjustment {
     begin(summary, current == keyframe{} || !traits::alive(s.map, current));
     if (summary.stale) return;
     s.stored.at(traits::id(s.map, current));  // throws when it is not there
-    window_.gather(s, current, options.min_shared_points, options.second_min_shared_points);
+    window_.gather(s, current, options.min_shared_points, options.second_min_shared_points, options.most_keyframes);
     count(summary);
   }
 

@@ -20,6 +20,10 @@ struct local_adjustment_options {
   /// Keyframes that share so many with one of those move too: where a place is seen again, the error of the way there is
   /// spread over more keyframes. 0: none [ORB-SLAM3].
   int second_min_shared_points = 0;
+  /// No more keyframes than this move: the current one and those that share most points with it, equal ones in order of insertion; then
+  /// the second order. The others that see their points are fixed. It bounds the keyframe after a long gap, when nothing was fused or
+  /// culled for long. Chosen above what any recording has (about 80), so that they are adjusted as by [ORB-SLAM3]; 0: no bound.
+  int most_keyframes = 128;
   double mono_chi2 = 5.991;    ///< Huber's delta^2, and outlier beyond it: 95 %, 2 dof
   double stereo_chi2 = 7.815;  ///< 95 %, 3 dof
   /// Observations without u_right of points nearer than this (m) are outliers beyond near_mono_factor times mono_chi2 only. 0:
