@@ -52,6 +52,7 @@
 #include "map/map_traits.hpp"
 #include "map/neighbourhood.hpp"
 #include "map/observation_counts.hpp"
+#include "map/replacement_table.hpp"
 #include "map/simple_map/simple_inertial_map.hpp"
 #include "map/simple_map/simple_map.hpp"
 #include "map/validate.hpp"
@@ -79,3 +80,4 @@
 #include "store/keyframe_store.hpp"
 #include "traits.hpp"
 #include "types.hpp"
+#include "version.hpp"
