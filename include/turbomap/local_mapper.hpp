@@ -82,17 +82,18 @@ struct global_on<Adjustment<User, Policy, Methods>, Map> {
 template <class Map, class Policy, class Adjustment = default_adjustment<Map, Policy>>
 class local_mapper {
  public:
-  using traits = map_traits<Map>;
-  using keyframe = typename traits::keyframe;
-  using point = typename traits::point;
-  using descriptor = typename traits::descriptor;
-  using camera = typename traits::camera;
-  using store_type = store_of<Map, Policy>;
-  using hooks_type = local_mapper_hooks<Map>;
+  using traits = map_traits<Map>;                  ///< how the map is read and changed.
+  using keyframe = typename traits::keyframe;      ///< the name of a keyframe.
+  using point = typename traits::point;            ///< the name of a map point.
+  using descriptor = typename traits::descriptor;  ///< of keypoints and points.
+  using camera = typename traits::camera;          ///< of the rigs in the store.
+  using store_type = store_of<Map, Policy>;        ///< the store that searches read.
+  using hooks_type = local_mapper_hooks<Map>;      ///< what the rest of the system is asked and told.
   /// What stages read and commits change: the map, or, if it is mirrored, a map_mirror, whose commits write to the map.
   using stage_map = typename working_map<Map>::type;
-  using scope = mapping_scope<stage_map, Policy>;
+  using scope = mapping_scope<stage_map, Policy>;  ///< what a stage works on.
 
+  /// Refers to context, map and store. Throws std::invalid_argument naming an option that makes no sense.
   local_mapper(context<Policy>& ctx, Map& map, store_type& store, const local_mapper_options& options = {},
                hooks_type hooks = {})
       : ctx_(ctx),
@@ -151,6 +152,7 @@ class local_mapper {
   /// need not report the keyframe that is about to be processed. What is not reported is found by a sample check in time, and
   /// costs quality until then, never soundness. From any thread, with or without the guard. See docs/local_mapping.md.
   void changed(const point& p) { working_.changed(p); }
+  /// The same of a keyframe: its pose or its slots.
   void changed(const keyframe& k) { working_.changed(k); }
   /// Everything may have changed: after a loop was closed, a global adjustment, a map that was loaded.
   void refresh() { working_.refresh(); }
@@ -228,12 +230,15 @@ class local_mapper {
     if (!processing_) update_due(mapping_stage::adjustment);
   }
 
+  /// Of the last process().
   const mapping_report& report() const { return report_; }
+  /// May be changed between two keyframes.
   local_mapper_options& options() { return options_; }
   /// Keyframes that were processed.
   std::int64_t iterations() const { return iteration_; }
   /// The last correspondence search.
   const neighbour_search<stage_map, Policy>& last_search() const { return search_; }
+  /// Which keyframes are in the store.
   const handle_table& stored() const { return stored_; }
 
  private:
@@ -538,6 +543,7 @@ class local_mapper<Map, Policy, detail::refused_traits> : public detail::refused
  public:
   using detail::refused_mapper::refused_mapper;
 };
+/// From a context, a map and a store, whatever is given besides.
 template <class Policy, class Map, class... Rest>
 local_mapper(context<Policy>&, Map&, Rest&&...) -> local_mapper<Map, Policy>;
 

@@ -22,8 +22,11 @@ class stop_request {
  public:
   /// Nobody stops it.
   stop_request() = default;
+  /// Nobody stops it.
   stop_request(decltype(nullptr)) {}
+  /// A flag; null: nobody.
   stop_request(const std::atomic<bool>* flag) : ask_(flag == nullptr ? nullptr : &ask_flag), what_(flag) {}
+  /// Anything that is called without arguments; null: nobody.
   template <class Callable,
             class = std::enable_if_t<std::is_object_v<Callable> && std::is_invocable_r_v<bool, const Callable&>>>
   stop_request(const Callable* callable)

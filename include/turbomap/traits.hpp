@@ -38,7 +38,7 @@ namespace turbomap {
 /// Specialise this for your keyframe type: see above.
 template <class KeyFrame>
 struct keyframe_traits {
-  using turbomap_not_specialised = void;
+  using turbomap_not_specialised = void;  ///< only here, so that a missing specialisation is found.
 };
 
 }  // namespace turbomap

@@ -43,7 +43,7 @@ namespace turbomap {
 /// Pinhole: u = fx x/z + cx, v = fy y/z + cy, in pixels; defined in front of the camera, z > 0.
 template <class T>
 struct pinhole {
-  using scalar = T;
+  using scalar = T;  ///< of the parameters.
   T fx = 1, fy = 1;  ///< focal lengths, px
   T cx = 0, cy = 0;  ///< principal point, px
 

@@ -20,10 +20,12 @@ namespace turbomap {
 template <class Camera, int N>
 struct rig {
   static_assert(N > 0, "turbomap: a rig has at least one camera");
-  using camera_type = Camera;
-  rig_camera<Camera> cameras[N];
+  using camera_type = Camera;     ///< the model of all of them.
+  rig_camera<Camera> cameras[N];  ///< in the order of keypoint::camera.
 
+  /// How many.
   TURBOMAP_HD static constexpr int size() { return N; }
+  /// Camera i.
   TURBOMAP_HD constexpr const rig_camera<Camera>& operator[](int i) const { return cameras[i]; }
   /// Valid as long as the rig.
   rig_view<Camera> view() const { return {cameras, N}; }
@@ -67,6 +69,7 @@ void validate_rig(const rig_view<Camera>& rig) {
     require(detail::is_finite(c.bf) && c.bf >= 0, "bf", c.bf, "must be finite and not negative");
   }
 }
+/// The same of a rig.
 template <class Camera, int N>
 void validate_rig(const rig<Camera, N>& rig) {
   validate_rig(rig.view());

@@ -69,10 +69,10 @@ namespace turbomap {
 template <int Bits>
 struct binary_descriptor {
   static_assert(Bits > 0 && Bits % 8 == 0, "turbomap: the bits of a binary descriptor are whole bytes");
-  using element = std::uint8_t;
-  using distance_type = std::int32_t;
-  static constexpr int elements = Bits / 8;
-  static constexpr int bytes = Bits / 8;
+  using element = std::uint8_t;              ///< what it is an array of.
+  using distance_type = std::int32_t;        ///< what distance() gives.
+  static constexpr int elements = Bits / 8;  ///< of one descriptor.
+  static constexpr int bytes = Bits / 8;     ///< of one descriptor.
   /// Farther than any two descriptors.
   static constexpr distance_type worst = std::numeric_limits<distance_type>::max();
   /// No two are farther apart.

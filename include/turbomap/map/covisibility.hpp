@@ -21,6 +21,7 @@ inline constexpr std::size_t no_limit = static_cast<std::size_t>(-1);
 
 /// As a filter of keyframes: accepts each of them.
 struct every_keyframe {
+  /// Every keyframe counts.
   template <class Keyframe>
   bool operator()(const Keyframe&) const {
     return true;
@@ -34,16 +35,16 @@ TURBOMAP_BEGIN_NAMESPACE
 /// A keyframe and how many points it shares with another.
 template <class Keyframe>
 struct covisible {
-  Keyframe keyframe;
-  int shared_points;
+  Keyframe keyframe;  ///< its name.
+  int shared_points;  ///< how many points both see.
 };
 
 /// Computes covisibilities; make one and use it again: its memory is reused.
 template <class Map>
 class covisibility {
  public:
-  using traits = map_traits<Map>;
-  using keyframe = typename traits::keyframe;
+  using traits = map_traits<Map>;              ///< how the map is read.
+  using keyframe = typename traits::keyframe;  ///< the name of a keyframe.
 
   /// Keyframes that share at least `min_shared` points with `query`, most shared first, equal ones in order of insertion.
   /// Without any, the one that shares most (with any points at all) is left, as in [ORB-SLAM3]. A point counts once per

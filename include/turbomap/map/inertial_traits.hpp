@@ -49,7 +49,7 @@ namespace turbomap {
 /// Specialise this for your map type: see above.
 template <class Map>
 struct inertial_traits {
-  using turbomap_not_specialised = void;
+  using turbomap_not_specialised = void;  ///< only here, so that a missing specialisation is found.
 };
 
 }  // namespace turbomap

@@ -93,7 +93,7 @@ namespace turbomap {
 /// Specialise this for your map type: see above.
 template <class Map>
 struct map_traits {
-  using turbomap_not_specialised = void;
+  using turbomap_not_specialised = void;  ///< only here, so that a missing specialisation is found.
 };
 
 }  // namespace turbomap

@@ -48,7 +48,9 @@ class replacement_table {
     older_.swap(recent_);
     recent_.clear();
   }
+  /// Forgets all.
   void clear() { recent_.clear(), older_.clear(); }
+  /// Whether nothing is remembered.
   bool empty() const { return recent_.empty() && older_.empty(); }
 
  private:

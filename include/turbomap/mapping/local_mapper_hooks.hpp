@@ -18,7 +18,7 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map>
 struct local_mapper_hooks {
   static_assert(require_map_traits<Map>());
-  using keyframe = detail::named_keyframe_t<Map>;
+  using keyframe = detail::named_keyframe_t<Map>;  ///< the name of a keyframe.
 
   /// More keyframes wait: fusion, adjustment and keyframe culling are skipped for this one. Asked before each of them.
   std::function<bool()> keyframes_wait;

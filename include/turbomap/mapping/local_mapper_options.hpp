@@ -32,14 +32,14 @@ struct local_mapper_options {
   /// mapping_report::refused, and the work is done without it.
   bool strict = false;
   int most_views = appearance_options{}.most_views;  ///< of a point, for its descriptor and normal; 0: all [ORB-SLAM3]
-  neighbour_search_options neighbours;  ///< fusion and culling choose their keyframes by its `neighbourhood` too
-  search_options search;
-  creation_options creation;
-  fusion_options fusion;
-  local_adjustment_options adjustment;
-  inertial_adjustment_options inertial;  ///< where the mapper is given an inertial_adjustment
-  map_point_culling_options point_culling;
-  keyframe_culling_options keyframe_culling;
+  neighbour_search_options neighbours;        ///< fusion and culling choose their keyframes by its `neighbourhood` too
+  search_options search;                      ///< of the correspondence search.
+  creation_options creation;                  ///< of new points.
+  fusion_options fusion;                      ///< of duplicates.
+  local_adjustment_options adjustment;        ///< of the mapper's own solver.
+  inertial_adjustment_options inertial;       ///< where the mapper is given an inertial_adjustment
+  map_point_culling_options point_culling;    ///< of points on probation.
+  keyframe_culling_options keyframe_culling;  ///< of redundant keyframes.
 
   /// The pyramid of every stage.
   void set_scales(const pyramid& scales) {
@@ -55,6 +55,7 @@ struct local_mapper_options {
     o.set_scales(scales);
     return o;
   }
+  /// Defaults of a system with one camera [ORB-SLAM3].
   static local_mapper_options monocular(const pyramid& scales = {}) {
     local_mapper_options o;
     o.neighbours.neighbourhood.neighbours = 30;

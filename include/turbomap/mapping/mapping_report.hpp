@@ -28,7 +28,7 @@ enum class mapping_stage : std::uint8_t {
   adjustment,        ///< of poses and points around the keyframe
   keyframe_culling,  ///< redundant keyframes
 };
-inline constexpr std::size_t mapping_stages = 7;
+inline constexpr std::size_t mapping_stages = 7;  ///< how many there are.
 
 /// Names of the command-line contract.
 inline const char* to_string(mapping_stage stage) {
@@ -49,24 +49,27 @@ enum class stage_outcome : std::uint8_t {
 /// One value per stage.
 template <class T>
 struct per_stage {
+  /// In the order of mapping_stage.
   std::array<T, mapping_stages> values{};
+  /// The value of a stage.
   T& operator[](mapping_stage s) { return values[static_cast<std::size_t>(s)]; }
+  /// The value of a stage.
   const T& operator[](mapping_stage s) const { return values[static_cast<std::size_t>(s)]; }
 };
 
 /// One iteration of local mapping.
 struct mapping_report {
-  per_stage<double> ms;  ///< wall time, locks included
-  per_stage<stage_outcome> outcome;
-  per_stage<guard_times> held;  ///< the map's guard
-  double total_ms = 0;
-  std::size_t neighbours = 0;  ///< searched for correspondences
-  std::size_t matches = 0;     ///< correspondences found
-  creation_summary creation;   ///< what points were made of
-  std::size_t points_created = 0;
-  std::size_t points_culled = 0;  ///< on probation
-  std::size_t fusion_targets = 0;
-  fusion_summary fused;
+  per_stage<double> ms;                          ///< wall time, locks included
+  per_stage<stage_outcome> outcome;              ///< what happened to each stage.
+  per_stage<guard_times> held;                   ///< the map's guard
+  double total_ms = 0;                           ///< of process(), locks included.
+  std::size_t neighbours = 0;                    ///< searched for correspondences
+  std::size_t matches = 0;                       ///< correspondences found
+  creation_summary creation;                     ///< what points were made of
+  std::size_t points_created = 0;                ///< new points in the map.
+  std::size_t points_culled = 0;                 ///< on probation
+  std::size_t fusion_targets = 0;                ///< keyframes that were searched for duplicates.
+  fusion_summary fused;                          ///< what fusion did.
   local_adjustment_summary adjustment;           ///< of the mapper's own stage; as it comes where a hook adjusts
   std::size_t points_updated = 0;                ///< whose appearance was computed anew
   plain_vector<std::uint64_t> keyframes_culled;  ///< ids

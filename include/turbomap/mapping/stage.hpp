@@ -31,6 +31,7 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map>
 class timed_guard {
  public:
+  /// Waits for the guard.
   timed_guard(Map& map, guard_times& times) : guard_(map_guard(map)), times_(times), begin_(clock::now()) {}
   timed_guard(const timed_guard&) = delete;
   timed_guard& operator=(const timed_guard&) = delete;
@@ -59,6 +60,7 @@ struct mapping_scope {
   fault_sink faults =
       {};  ///< what becomes of parts of the map that cannot be used; default: the first one ends the stage
 
+  /// Holds the map's guard while it lives, and notes for how long.
   timed_guard<Map> guard() const { return timed_guard<Map>(map, held); }
 
   /// Whether a keyframe can be searched: it is alive, in the store, and has a pose. The caller holds the guard.
@@ -72,6 +74,7 @@ struct mapping_scope {
     return false;
   }
 };
+/// From its members.
 template <class Map, class Policy, class Store>
 mapping_scope(context<Policy>&, Map&, Store&, const handle_table&, guard_times&) -> mapping_scope<Map, Policy>;
 

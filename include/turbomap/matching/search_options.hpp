@@ -31,9 +31,9 @@ enum class tie_rule : std::uint8_t {
 
 /// Options of search_correspondences(). Defaults are those of [ORB-SLAM3] and [TurboMap §IV-C].
 struct search_options {
-  candidates candidate_set = candidates::epipolar_ordered;
-  tie_rule ties = tie_rule::lowest_index;
-  pyramid scales;                    ///< sigma2(o) = scale_factor^(2 o) px^2
+  candidates candidate_set = candidates::epipolar_ordered;  ///< which keypoints are compared.
+  tie_rule ties = tie_rule::lowest_index;                   ///< which of equal ones wins.
+  pyramid scales;                                           ///< sigma2(o) = scale_factor^(2 o) px^2
   double max_distance = 50;          ///< largest descriptor distance of a match (50 of 256 bits: TH_LOW)
   double epipole_radius = 10;        ///< px at octave 0, grows with sqrt(s^o): candidates nearer to the epipole give no
                                      ///< depth. Single-camera rigs, both keypoints without u_right
@@ -48,16 +48,17 @@ struct search_options {
   /// which is short. Must outlive the search.
   stop_request stop;
 
+  /// Whether it is to stop now.
   bool stopped() const { return stop(); }
 };
 
 /// One match: keypoint `query` of the query keyframe and keypoint `candidate` of neighbour number `neighbour`.
 template <class Distance>
 struct correspondence {
-  std::int32_t neighbour;
-  std::int32_t query;
-  std::int32_t candidate;
-  Distance distance;
+  std::int32_t neighbour;  ///< number in the list of neighbours.
+  std::int32_t query;      ///< keypoint of the query keyframe.
+  std::int32_t candidate;  ///< keypoint of the neighbour.
+  Distance distance;       ///< between the two descriptors.
 };
 
 }  // namespace turbomap

@@ -43,12 +43,12 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Descriptor, class Camera, class Memory = host_memory>
 class keyframe_store {
  public:
-  using descriptor_type = Descriptor;
-  using camera_type = Camera;
-  using memory_type = Memory;
-  using data_type = keyframe_data<Descriptor, Camera>;
-  using view_type = keyframe_view<Descriptor, Camera>;
-  using pinned_type = pinned_keyframes<Descriptor, Camera, Memory>;
+  using descriptor_type = Descriptor;                                ///< of the keypoints.
+  using camera_type = Camera;                                        ///< of the rigs.
+  using memory_type = Memory;                                        ///< where keyframes are resident.
+  using data_type = keyframe_data<Descriptor, Camera>;               ///< what insert() takes: host arrays.
+  using view_type = keyframe_view<Descriptor, Camera>;               ///< what a pinned keyframe is seen as.
+  using pinned_type = pinned_keyframes<Descriptor, Camera, Memory>;  ///< what pin() gives.
 
   /// Throws std::invalid_argument naming the option when one makes no sense. Reserves nothing yet.
   explicit keyframe_store(const keyframe_store_options& options = {})
@@ -115,6 +115,7 @@ class keyframe_store {
     return pin(execution, span<const keyframe_handle>(handles.begin(), handles.size()));
   }
 
+  /// Whether the handle names a keyframe that has not been erased.
   bool contains(keyframe_handle handle) const {
     const std::lock_guard<std::mutex> lock(mutex_);
     return alive(handle);
@@ -124,6 +125,7 @@ class keyframe_store {
     const std::lock_guard<std::mutex> lock(mutex_);
     return slots_.alive_count();
   }
+  /// As they were given.
   const keyframe_store_options& options() const { return options_; }
 
   /// Counts of this moment. Also takes back the memory of erased keyframes whose readers have finished.

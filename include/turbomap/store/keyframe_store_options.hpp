@@ -29,7 +29,7 @@ struct keyframe_store_options {
   /// Memory is reserved in chunks of this many bytes: about 170 keyframes of 1200 ORB keypoints, and an allocation
   /// seldom enough that its cost does not show. A larger keyframe gets a chunk of its own.
   std::size_t chunk_bytes = std::size_t{16} << 20;
-  keyframe_packing_options packing;
+  keyframe_packing_options packing;               ///< what is computed and kept with each keyframe.
   std::pmr::memory_resource* resident = nullptr;  ///< the policy's memory; null: its default
   /// Host memory for those paged out; null: pinned for CUDA, else the default.
   std::pmr::memory_resource* paging = nullptr;
