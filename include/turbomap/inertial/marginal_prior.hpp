@@ -81,10 +81,10 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Takes a frame out: add() every factor that goes with it, then prior() is what they say of the next frame.
 ///
 ///     state_marginaliser out;
-///     out.add(marginal_prior_factor{}, prior_of_oldest, oldest);
+///     out.add(marginal_prior_factor{}, known, oldest);
 ///     out.add(inertial_factor{...}, edge, oldest, next);
 ///     out.add(bias_walk_factor{}, walk, oldest, next);
-///     marginal_prior_factor::row prior_of_next = out.prior(next);
+///     marginal_prior_factor::row prior = out.prior(next);
 ///
 /// Observations of landmarks that stay in the window are left out: with them every frame that sees one would be joined to all
 /// others.
