@@ -5,11 +5,13 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <random>
 #include <vector>
 
 #include <turbomap/adjustment/block_cholesky.hpp>
 #include <turbomap/adjustment/dense_cholesky.hpp>
+#include <turbomap/adjustment/unknown_order.hpp>
 
 #include "reference/eigen.hpp"
 TURBOMAP_TEST_EIGEN_BEGIN
@@ -57,6 +59,56 @@ TEST_CASE("dense: every size up to a few tiles, and larger") {
     CHECK((got - expected).norm() < 1e-8 * expected.norm());
     CHECK((S * got - b).norm() < 1e-11 * b.norm() * n);
   }
+}
+
+TEST_CASE("dense: rows that begin with zeros") {
+  for (unsigned seed = 0; seed < 8; ++seed) {
+    std::mt19937 random(seed);
+    std::uniform_int_distribution<int> length(1, 40);
+    constexpr int n = 123;
+    Eigen::MatrixXd S = Eigen::MatrixXd::Identity(n, n);
+    for (int k = 0; k < 200; ++k) {  // factors of neighbours, and some of the last unknowns with any
+      const int from = length(random) * 3, count = std::min(k % 5 == 0 ? 2 : 9, n - from);
+      Eigen::VectorXd J = Eigen::VectorXd::Zero(n);
+      J.segment(from, count) = random_matrix(count, 1, static_cast<unsigned>(k));
+      if (k % 5 == 0) J[n - 1 - k % 9] = 2;
+      S += J * J.transpose();
+    }
+    const Eigen::VectorXd b = random_matrix(n, 1, 7);
+    auto A = padded_copy(S);
+    dense_cholesky solver;
+    REQUIRE(solver.factorise(A.data(), n));
+    std::vector<double> x(static_cast<std::size_t>(dense_cholesky::padded(n)), 3.0);
+    for (int i = 0; i < n; ++i) x[static_cast<std::size_t>(i)] = b[i];
+    solver.solve(A.data(), n, x.data());
+    const Eigen::VectorXd expected = S.llt().solve(b), got = Eigen::Map<Eigen::VectorXd>(x.data(), n);
+    CHECK((got - expected).norm() < 1e-11 * expected.norm());
+  }
+}
+
+TEST_CASE("frames' other unknowns first: the same system") {
+  constexpr int V = 6, D = 15, frames = 7, n = frames * D, stride = 112;
+  const Eigen::MatrixXd S = symmetric(n, 2 * n, 3);
+  std::vector<double> from(stride * stride, 0.0), to(stride * stride, 0.0), x(stride), y(stride), z(stride);
+  for (int a = 0; a < n; ++a)
+    for (int b = a; b < n; ++b) from[static_cast<std::size_t>(a * stride + b)] = S(a, b);
+  const turbomap::unknown_order<V, D> order{frames};
+  order.matrix(from.data(), to.data(), stride);
+  std::vector<int> at(n, -1);
+  for (int f = 0; f < frames; ++f)
+    for (int u = 0; u < D; ++u) at[static_cast<std::size_t>(order.place(f, u))] = f * D + u;
+  CHECK(*std::min_element(at.begin(), at.end()) == 0);
+  CHECK(at[0] == 6);                 // of frame 0 the first that no landmark sees
+  CHECK(at[frames * (D - V)] == 0);  // then the poses
+  for (int p = 0; p < n; ++p)
+    for (int q = p; q < n; ++q)
+      CHECK(to[static_cast<std::size_t>(p * stride + q)] ==
+            S(at[static_cast<std::size_t>(p)], at[static_cast<std::size_t>(q)]));
+  for (int i = 0; i < n; ++i) x[static_cast<std::size_t>(i)] = i;
+  order.vector(x.data(), y.data());
+  CHECK(y[0] == 6);
+  order.restore(y.data(), z.data());
+  CHECK(x == z);
 }
 
 TEST_CASE("dense: singular, indefinite, not a number") {

@@ -17,6 +17,7 @@
 #include "reduced_system.hpp"
 #include "solve_dense.hpp"
 #include "structure.hpp"
+#include "unknown_order.hpp"
 #include "uploaded.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -28,6 +29,7 @@ struct solver_workspace {
   block_cholesky<D> sparse;
   bool analysed = false;  ///< `sparse` has the structure of the problem
   plain_vector<double> matrix, x, b, sums;
+  plain_vector<double> ordered, ordered_x;  ///< in an unknown_order
 };
 
 /// Steps of the free frames.
@@ -38,23 +40,44 @@ struct reduced_step {
   const double* on_host = nullptr;
 };
 
-/// The reduced matrix in full.
-template <int D>
+/// The reduced matrix in full. The host solves it in an unknown_order where there are others than those of landmarks.
+template <int V, int D>
 class dense_system {
  public:
   static constexpr bool fills_gaps = true;  ///< the matrix has room for blocks that nothing is summed into
 
   dense_system(solver_workspace<D>& workspace, const adjustment_structure& s)
-      : factor_(workspace.dense), n_(s.free_frames * D), padded_(dense_cholesky::padded(n_)) {}
+      : workspace_(workspace), order_{s.free_frames}, n_(s.free_frames * D), padded_(dense_cholesky::padded(n_)) {}
 
   std::size_t unknowns() const { return static_cast<std::size_t>(padded_); }
   std::size_t size() const { return unknowns() * unknowns(); }
   reduced_layout layout(double* S, double* rhs) const { return {S, rhs, padded_, true}; }
-  bool factorise(double* S, double tolerance) { return matrix_ = S, factor_.factorise(S, n_, tolerance); }
-  void substitute(double* x) const { factor_.solve(matrix_, n_, x); }
+  bool factorise(double* S, double tolerance) {
+    matrix_ = S;
+    if constexpr (D > V) {
+      auto& ordered = workspace_.ordered;
+      ordered.clear();
+      ordered.resize(size());  // zeros
+      order_.matrix(S, ordered.data(), padded_);
+      matrix_ = ordered.data();
+    }
+    return workspace_.dense.factorise(matrix_, n_, tolerance);
+  }
+  void substitute(double* x) const {
+    if constexpr (D > V) {
+      auto& ordered = workspace_.ordered_x;
+      ordered.resize(unknowns());
+      order_.vector(x, ordered.data());
+      workspace_.dense.solve(matrix_, n_, ordered.data());
+      order_.restore(ordered.data(), x);
+    } else {
+      workspace_.dense.solve(matrix_, n_, x);
+    }
+  }
 
  private:
-  dense_cholesky& factor_;
+  solver_workspace<D>& workspace_;
+  unknown_order<V, D> order_;
   int n_, padded_;
   double* matrix_ = nullptr;
 };

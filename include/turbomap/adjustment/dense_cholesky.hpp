@@ -4,7 +4,8 @@
 
 /// \file
 /// Cholesky factorisation of a full symmetric matrix on the host: what local problems end in. Left-looking over tiles of 8
-/// by 8, so that a tile is loaded and stored once.
+/// by 8, so that a tile is loaded and stored once. Tiles of zeros at the beginning of a row stay zero and are passed over: an
+/// order of the unknowns that makes them long makes it fast (a skyline).
 
 #include <cmath>
 #include <cstddef>
@@ -37,9 +38,12 @@ class dense_cholesky {
       for (int i = 0; i < n; ++i) column(A, i)[j] = 0;
     }
     for (int j = 0; j < n_; ++j) diagonal_[static_cast<std::size_t>(j)] = column(A, j)[j];
+    begin_.resize(static_cast<std::size_t>(n_ / tile));
+    for (int i = 0; i < n_; i += tile) begin_[static_cast<std::size_t>(i / tile)] = first_tile(A, i);
     for (int j = 0; j < n_; j += tile) {
       if (!factorise_tile(A, j, tolerance)) return false;
-      for (int i = j + tile; i < n_; i += tile) solve_tile(A, i, j);
+      for (int i = j + tile; i < n_; i += tile)
+        if (begin(i) <= j) solve_tile(A, i, j);
     }
     return true;
   }
@@ -73,11 +77,20 @@ class dense_cholesky {
   double* column(double* A, int j) const { return A + static_cast<std::ptrdiff_t>(j) * n_; }
   const double* column(const double* A, int j) const { return A + static_cast<std::ptrdiff_t>(j) * n_; }
 
+  /// The first column of the rows i to i + 7 whose tile is not zero; the diagonal one at last.
+  int first_tile(const double* A, int i) const {
+    for (int j = 0; j < i; ++j)
+      for (int r = i; r < i + tile; ++r)
+        if (column(A, j)[r] != 0) return j / tile * tile;
+    return i;
+  }
+  int begin(int i) const { return begin_[static_cast<std::size_t>(i / tile)]; }
+
   /// Subtracts L(rows i.., 0..j) L(rows c.., 0..j)^T from rows i.. of columns c to c + 3.
   void update(double* A, int i, int c, int j) const {
     P sum[4][2];
     for (auto& s : sum) s[0] = s[1] = P(0.0);
-    for (int k = 0; k < j; ++k) {
+    for (int k = begin(i) > begin(c) ? begin(i) : begin(c); k < j; ++k) {
       const double* l = column(A, k);
       const P a = P::load(l + i), b = P::load(l + i + 4);
       for (int m = 0; m < 4; ++m) {
@@ -132,6 +145,7 @@ class dense_cholesky {
 
   int n_ = 0;
   plain_vector<double> diagonal_, reciprocal_;
+  plain_vector<int> begin_;  // per tile of rows: its first column that is not zero
 };
 
 TURBOMAP_END_NAMESPACE

@@ -68,7 +68,7 @@ class levenberg_marquardt {
     const schur_view<A>& s = equations_.view();
     if constexpr (Solvers::has(reduced_solver::dense))
       if (chosen == reduced_solver::dense)
-        return iterate(detail::step_solver_of<Policy, cholesky_solver<A, V, D, dense_system<D>>>(
+        return iterate(detail::step_solver_of<Policy, cholesky_solver<A, V, D, dense_system<V, D>>>(
             ctx_, s, data_.structure, data_.workspace));
     if constexpr (Solvers::has(reduced_solver::sparse))
       if (chosen == reduced_solver::sparse)
