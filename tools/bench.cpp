@@ -46,6 +46,10 @@ nlohmann::json run(const turbomap_bench::arguments& a, std::string& machine) {
 int main(int argc, char** argv) try {
   turbomap_bench::arguments a;
   CLI::App app("Times every stage of TurboMap against its sequential oracle, interleaved in one run.");
+  app.footer(
+      "Examples:\n"
+      "  turbomap-bench                      all stages, sequential\n"
+      "  turbomap-bench --policy omp --json bench.json");
   app.add_option("--policy", a.policy, "execution policy")->check(CLI::IsMember({"seq", "omp", "tbb", "cuda"}));
   app.add_option("--json", a.json, "write the result to this file");
   app.add_option("--repetitions", a.repetitions, "samples of each stage, at least 30 to quote them")

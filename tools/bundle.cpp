@@ -29,6 +29,11 @@ outcome run(const arguments& a) {
 int main(int argc, char** argv) try {
   arguments a;
   CLI::App app("Adjusts a bundle adjustment problem, or checks a recorded Schur complement.", "turbomap-bundle");
+  app.footer(
+      "Examples:\n"
+      "  turbomap-bundle problem-49-7776-pre.txt                   a problem of Bundle Adjustment in the Large\n"
+      "  turbomap-bundle MODEL --policy omp --solver sparse        a COLMAP model in text form\n"
+      "  turbomap-bundle PROBLEM --precision float64 --repeat 10   medians of ten runs");
   app.add_option("input", a.input, "file or folder of the problem")->required();
   app.add_option(
          "--format", a.format,

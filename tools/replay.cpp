@@ -45,7 +45,7 @@ std::vector<std::string> other_policies(const std::string& first) {
 void run_beside(arguments a, outcome& result) {
   std::vector<nlohmann::json> replays{result.json};
   a.quiet = true;
-  a.trajectory.clear(), a.report.clear();
+  a.trajectory.clear(), a.ply.clear(), a.report.clear();
   for (const std::string& policy : a.beside) {
     a.policy = policy;
     const outcome other = run(a);
@@ -96,6 +96,13 @@ int main(int argc, char** argv) try {
   std::string stages;
   CLI::App app(
       "Replays a recording of local mapping through the stages of TurboMap, or checks every stage against it.");
+  app.footer(
+      "Examples:\n"
+      "  turbomap-replay                                   the built-in recording, times of every stage\n"
+      "  turbomap-replay RECORDING --beside all            under every policy of this processor\n"
+      "  turbomap-replay RECORDING --report map.html       map, times and errors as a page\n"
+      "  turbomap-replay RECORDING --ply map.ply           the map for MeshLab, CloudCompare, rerun\n"
+      "  turbomap-replay RECORDING --check                 every stage against what was recorded");
   app.add_option("recording", a.recording, "folder of the recording; the built-in simulated one when not given");
   app.add_option("--policy", a.policy, "execution policy")->check(CLI::IsMember({"seq", "omp", "tbb", "cuda"}));
   app.add_option("--beside", a.beside,
@@ -165,6 +172,7 @@ int main(int argc, char** argv) try {
   app.add_option("--report", a.report, "write a page with map, times and growth to this file (HTML)");
   app.add_option("--json", a.json, "write the result to this file");
   app.add_option("--trajectory", a.trajectory, "write the keyframes' body poses to this file (TUM format)");
+  app.add_option("--ply", a.ply, "write points and trajectory to this file (PLY: MeshLab, CloudCompare, rerun)");
   app.add_flag("!--no-bound", a.bound, "simulated recordings: leave out the adjustment of all true observations");
   app.add_option("--perturb", a.perturb, "move the poses that come in by 1e-6 m at random, with this seed; 0: not")
       ->check(CLI::NonNegativeNumber);

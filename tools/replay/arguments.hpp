@@ -36,27 +36,27 @@ struct arguments {
   /// Stages that are switched on.
   bool point_culling = true, search = true, creation = true, fusion = true, map_update = true;
   bool adjustment = true, preintegration = true, culling = true;
-  std::string rule = "tracks";                     ///< creation_rule: tracks or pairs
-  std::string candidates = "ordered";              ///< exhaustive, ordered or grouped (replay mode)
-  bool serial_fusion = false;                      ///< fusion_mode::serial_exact
-  std::string merges = "apart";                    ///< merge_rule: refuse, apart or drop
-  std::string numbers = "mixed";                   ///< of adjustments: float64, mixed or float32
-  double stereo_correlation = -1;                  ///< of the errors of u and u_right; negative: correlation() knows
-  int second_shared = 0;                           ///< local_adjustment_options::second_min_shared_points
-  int global_every = 0;                            ///< all of the map is adjusted after so many keyframes; 0: never
-  bool global_end = false;                         ///< ... and at the end
-  int culling_observers = -1;                      ///< keyframe_culling_options::observers; negative: its default
-  float culling_share = -1;                        ///< ... redundant_share, likewise
-  bool projected = false;                          ///< the local map is looked for in each keyframe, besides
-  bool uncertain_tracking = false;                 ///< tracking's poses and gate know how well points are known
-  bool uncertain_fusion = false;                   ///< fusion's gate does
-  bool queue = false;                              ///< in recorded time: stages are skipped while keyframes wait
-  double deadline_ms = 0;                          ///< per keyframe; 0: none
-  int most_views = -1;                             ///< local_mapper_options::most_views; negative: its default
-  int behind = 0;                                  ///< so many first keyframes find the next one waiting
-  bool growth = false;                             ///< print medians per fifth of the keyframes
-  std::filesystem::path growth_file;               ///< the same per keyframe; empty: none
-  std::filesystem::path json, trajectory, report;  ///< outputs; empty: none
+  std::string rule = "tracks";         ///< creation_rule: tracks or pairs
+  std::string candidates = "ordered";  ///< exhaustive, ordered or grouped (replay mode)
+  bool serial_fusion = false;          ///< fusion_mode::serial_exact
+  std::string merges = "apart";        ///< merge_rule: refuse, apart or drop
+  std::string numbers = "mixed";       ///< of adjustments: float64, mixed or float32
+  double stereo_correlation = -1;      ///< of the errors of u and u_right; negative: correlation() knows
+  int second_shared = 0;               ///< local_adjustment_options::second_min_shared_points
+  int global_every = 0;                ///< all of the map is adjusted after so many keyframes; 0: never
+  bool global_end = false;             ///< ... and at the end
+  int culling_observers = -1;          ///< keyframe_culling_options::observers; negative: its default
+  float culling_share = -1;            ///< ... redundant_share, likewise
+  bool projected = false;              ///< the local map is looked for in each keyframe, besides
+  bool uncertain_tracking = false;     ///< tracking's poses and gate know how well points are known
+  bool uncertain_fusion = false;       ///< fusion's gate does
+  bool queue = false;                  ///< in recorded time: stages are skipped while keyframes wait
+  double deadline_ms = 0;              ///< per keyframe; 0: none
+  int most_views = -1;                 ///< local_mapper_options::most_views; negative: its default
+  int behind = 0;                      ///< so many first keyframes find the next one waiting
+  bool growth = false;                 ///< print medians per fifth of the keyframes
+  std::filesystem::path growth_file;   ///< the same per keyframe; empty: none
+  std::filesystem::path json, trajectory, ply, report;  ///< outputs; empty: none
   int repeat = 1;
   int perturb = 0;  ///< seed of a random micrometre on the poses that come in; 0: none
 

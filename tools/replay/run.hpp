@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <numeric>
 
+#include <turbomap/io/ply.hpp>
 #include <turbomap/io/recording.hpp>
 #include <turbomap/io/trajectory.hpp>
 #include <turbomap/map/simple_map/simple_map.hpp>
@@ -183,6 +184,13 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
       if (result.alive[i] != 0)  // body in world: (T_bc T_cw)^-1
         poses.push_back({recording.t_ns[i], invert(compose(T_bc, result.T_cw[i]))});
     turbomap::write_trajectory(arguments.trajectory, poses);
+  }
+  if (!arguments.ply.empty()) {
+    std::vector<turbomap::vec3<double>> centres;
+    for (std::size_t i = 0; i < result.T_cw.size(); ++i)
+      if (result.alive[i] != 0)
+        centres.push_back(turbomap::camera_centre(turbomap::to_isometry<double>(result.T_cw[i])));
+    turbomap::write_ply(arguments.ply, result.points, centres);
   }
   if (!arguments.report.empty()) {
     write_report(arguments.report, make_report(recording, arguments, result, stages, timing, o.json));
