@@ -75,9 +75,9 @@ int main(int argc, char** argv) {
   CLI::App app("Simulates a recording of local mapping, with the truth beside it.", "turbomap-simulate");
   app.footer(
       "Examples:\n"
-      "  turbomap-simulate OUT --seed 3 --keyframes 200    a stereo recording of 200 keyframes\n"
-      "  turbomap-simulate OUT --mono --drift 0.02         one camera, poses that drift by 2 %\n"
-      "  turbomap-replay OUT                               replays it");
+      "  turbomap-simulate room --out OUT --keyframes 200    a stereo recording of 200 keyframes\n"
+      "  turbomap-simulate FILE.tum --out OUT --mono --drift 0.02    along your own trajectory\n"
+      "  turbomap-replay OUT                                 replays it");
   app.add_option(
          "TRAJECTORY", args.trajectory,
          "TUM file (t x y z qx qy qz qw, body in world), or 'builtin'; as long as --keyframes asks for: 'room', the "

@@ -140,6 +140,20 @@ class local_mapper {
     stored_.erase(id);
     working_.removed(id);
   }
+  /// For a system that starts anew: all that was inserted leaves the store, and nothing is remembered of the map, which may have
+  /// been emptied before, ids and all. Options, hooks and the memory that stages work in stay. Not within a hook.
+  void reset() {
+    require(!processing_, "reset", "in a hook", "must wait until process() has ended");
+    stored_.for_each_handle([this](keyframe_handle handle) {
+      if (store_.contains(handle)) store_.erase(handle);
+    });
+    stored_.clear();
+    working_.reset();
+    probation_.clear(), due_.clear(), fusion_.begin();
+    keyframes_.clear(), points_.clear(), numbers_.clear();
+    watched_.clear(), moved_.clear(), changed_.clear();
+    budget_ = {}, report_ = {}, iteration_ = 0;
+  }
   /// Puts points that tracking made on probation.
   void watch(span<const point> points) {
     if constexpr (is_mirrored_v<Map>)

@@ -101,4 +101,24 @@ void check_announced() {
 TEST_CASE("what is announced under the guard has happened, and all of it is") { check_announced<false>(); }
 TEST_CASE("the same of a map that is mirrored") { check_announced<true>(); }
 
+template <class Map>
+void check_restarted() {
+  stereo_run<Map> fresh, again;
+  for (int n = 0; n < 6; ++n) again.run.step();
+  CHECK(again.run.store.size() > 0);
+  again.run.restart();
+  CHECK(again.run.store.size() == 0);
+  CHECK(again.run.mapper.stored().size() == 0);
+  CHECK(again.run.mapper.iterations() == 0);
+  for (int n = 0; n < 10; ++n) fresh.run.step(), again.run.step();
+  CHECK(content<flat_map>(again.run.map) == content<flat_map>(fresh.run.map));
+  again.run.store.clear();  // in either order
+  again.run.restart();
+  again.run.step();
+  CHECK(again.run.store.size() == 1);
+}
+
+TEST_CASE("a mapper that was reset maps as a new one") { check_restarted<flat_map>(); }
+TEST_CASE("the same of a map that is mirrored, whose ids begin again") { check_restarted<announcing_map<true>>(); }
+
 }  // namespace

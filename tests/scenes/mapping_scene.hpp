@@ -296,6 +296,12 @@ class mapping_run {
     }
     return q;
   }
+  /// The system starts anew, from the first keyframe.
+  void restart() {
+    map = Map();
+    mapper.reset();
+    keyframes_.clear(), views_.clear(), truth_.clear(), known_.clear();
+  }
   const std::vector<keyframe>& keyframes() const { return keyframes_; }
   /// What a stage of one's own works on.
   turbomap::mapping_scope<Map, Policy> scope(turbomap::guard_times& held) {

@@ -27,6 +27,8 @@ class due_appearances {
   void changed(span<const point> points) { append(points, changed_); }
   /// Their position changed: normal and range are due.
   void moved(span<const point> points) { append(points, moved_); }
+  /// Nothing is due.
+  void clear() { changed_.clear(), moved_.clear(); }
   bool empty() const { return changed_.empty() && moved_.empty(); }
 
   /// Updates all of them; then none is due, also where it throws what appearance_update throws.

@@ -47,6 +47,12 @@ class handle_table {
     entries_.pop_back();
   }
   std::size_t size() const { return entries_.size(); }
+  /// Calls f(handle) for each, by ascending id.
+  template <class F>
+  void for_each_handle(F f) const {
+    for (const entry& e : entries_) f(e.handle);
+  }
+  void clear() { entries_.clear(); }
 
  private:
   struct entry {

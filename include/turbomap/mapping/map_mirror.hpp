@@ -76,6 +76,32 @@ class map_mirror {
 
   // ---- for the mapper ----
 
+  /// Nothing is known any more, and no name is kept: the user's map starts anew, perhaps with ids that were there before. The
+  /// user's map is not asked.
+  void reset() {
+    for (const std::int32_t p : merged_) point_places_.give_back(p);
+    merged_.clear();
+    for (std::size_t p = 1; p < points_.size(); ++p) {
+      names_[p] = user_point{};
+      if (!point_places_.alive(static_cast<std::int32_t>(p))) continue;
+      point_numbers_.erase(points_[p].id);
+      lists_.close(p);
+      point_places_.give_back(static_cast<std::int32_t>(p));
+    }
+    for (std::size_t k = 1; k < keyframes_.size(); ++k) {
+      keyframes_[k].name = user_keyframe{};
+      if (!keyframe_places_.alive(static_cast<std::int32_t>(k))) continue;
+      keyframe_numbers_.erase(keyframes_[k].id);
+      plain_vector<map_point_id>().swap(keyframes_[k].slots);
+      plain_vector<keypoint>().swap(keyframes_[k].keypoints);
+      keyframe_places_.give_back(static_cast<std::int32_t>(k));
+    }
+    next_point_ = next_keyframe_ = 0;
+    const std::lock_guard<std::mutex> lock(mutex_);
+    changed_points_.clear(), changed_keyframes_.clear();
+    all_changed_ = false;
+  }
+
   /// Before a keyframe is processed: numbers of merged points are free again, names of what is gone are let go, and what was
   /// reported is heard.
   void begin() {

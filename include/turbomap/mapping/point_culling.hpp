@@ -79,6 +79,8 @@ class point_culling {
   void watch(span<const point> points, std::int64_t now) {
     for (const point& p : points) recent_.push_back({p, now});
   }
+  /// No point is on probation.
+  void clear() { recent_.clear(); }
   map_point_culling_summary operator()(const mapping_scope<Map, Policy>& s, std::int64_t now,
                                        const map_point_culling_options& options) {
     const auto guard = s.guard();

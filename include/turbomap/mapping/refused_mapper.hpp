@@ -30,6 +30,7 @@ class refused_mapper {
   template <class... Anything>
   void changed(const Anything&...) {}
   void refresh() {}
+  void reset() {}
   template <class... Anything>
   const mapping_report& process(const Anything&...);
   template <class... Anything>

@@ -65,6 +65,7 @@ class working_map<Map, false> {
   void begin() {}
   std::size_t check_sample(double) { return 0; }
   void removed(std::uint64_t) {}
+  void reset() {}
 
  private:
   Map& map_;

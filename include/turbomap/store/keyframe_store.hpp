@@ -88,7 +88,7 @@ class keyframe_store {
   }
 
   /// Removes all keyframes, as erase() does one by one. A mapper whose keyframes are in this store has none then: remove() them, or
-  /// make a new mapper. O(keyframes).
+  /// reset() the mapper. O(keyframes).
   void clear() {
     const std::lock_guard<std::mutex> lock(mutex_);
     poll();
