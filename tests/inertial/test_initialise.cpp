@@ -54,6 +54,9 @@ oracle_initialisation oracle_of(const recorded_motion& m, const std::vector<prei
   }
   o.monocular = options.monocular;
   o.rotation_sigma = found.rotation_sigma, o.position_sigma = found.position_sigma;
+  const turbomap::imu_noise noise;  // densities of the walks; a window of so many seconds
+  o.gyro_spread = noise.gyro_walk * std::sqrt(found.seconds / 6);
+  o.acceleration_spread = noise.acceleration_walk * std::sqrt(found.seconds / 6);
   o.gyro_sigma = options.gyro_bias_sigma, o.acceleration_sigma = options.acceleration_bias_sigma;
   return o;
 }

@@ -30,7 +30,8 @@ struct oracle_initialisation {
   std::vector<Eigen::Vector3d> motion_gyro, motion_acceleration;  ///< biases of the integration
   bool monocular = false;
   double rotation_sigma, position_sigma, gyro_sigma, acceleration_sigma;
-  double scale_sigma = 10;  ///< of its logarithm
+  double scale_sigma = 10;                  ///< of its logarithm
+  double gyro_spread, acceleration_spread;  ///< of the biases around their mean, standard deviations
 
   /// Rotation (rad), velocity (m/s), position (in the unit of the map), the poses moved by `off` (6 per keyframe: a turn of the
   /// camera, then a shift of the point that it maps to).
@@ -74,6 +75,14 @@ struct oracle_initialisation {
       Eigen::Matrix<double, 9, 9> C = motion[k].C.topLeftCorner<9, 9>();
       C.bottomRows<3>() /= weights_at.scale, C.rightCols<3>() /= weights_at.scale;
       C += J * J.transpose();
+      for (int c = 0; c < 6; ++c) {
+        const Eigen::Vector3d h = 1e-4 * Eigen::Vector3d::Unit(c % 3);
+        oracle_estimate more = weights_at, less = weights_at;
+        (c < 3 ? more.gyro : more.acceleration) += h, (c < 3 ? less.gyro : less.acceleration) -= h;
+        const Eigen::Matrix<double, 12, 1> still = Eigen::Matrix<double, 12, 1>::Zero();
+        const Eigen::Matrix<double, 9, 1> d = (residual(k, more, still) - residual(k, less, still)) / 2e-4;
+        C += std::pow(c < 3 ? gyro_spread : acceleration_spread, 2) * d * d.transpose();
+      }
       W.push_back(C.llt().matrixL().solve(Eigen::MatrixXd::Identity(9, 9)));
     }
     const Eigen::Index unknowns = 9 + 3 * n;  // biases, turns of gravity, log-scale, velocities

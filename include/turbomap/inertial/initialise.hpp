@@ -113,10 +113,15 @@ class initialiser {
     for (std::size_t k = 0; k < motion_.size(); ++k) {
       const raw_edge e = linearise(found, k);
       preintegration<double> p = motion_[k];
+      // The biases are one unknown and walk: around their mean by T / 6 of the variance per second.
+      const double walks = found.seconds / (6 * p.dt), gyro = walks * p.gyro_walk;
+      const double acceleration = walks * p.acceleration_walk;
       mat3<double>* const lower[6] = {&p.C_RR, &p.C_VR, &p.C_VV, &p.C_PR, &p.C_PV, &p.C_PP};
       for (int r = 0; r < 9; ++r)
         for (int c = 0; c < 3 * (r / 3) + 3; ++c) {
           double sum = 0;
+          for (int m = 0; m < 6; ++m)  // the biases of i
+            sum += (m < 3 ? gyro : acceleration) * e.J.i[15 * r + 9 + m] * e.J.i[15 * c + 9 + m];
           for (int m = 0; m < 6; ++m)
             sum +=
                 (m < 3 ? omega : v) * (e.J.i[15 * r + m] * e.J.i[15 * c + m] + e.J.j[15 * r + m] * e.J.j[15 * c + m]);
