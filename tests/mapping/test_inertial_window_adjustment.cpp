@@ -41,18 +41,19 @@ inertial_adjustment_options window_of(int keyframes, int observers = 200) {
 
 /// The window by its definition, in places of the scene.
 struct defined_window {
-  int first = 0;  ///< the fixed end of the chain
+  int first = 0;        ///< the end of the chain
+  bool begins = false;  ///< it is the first keyframe of the map: its pose is held; else it is fixed
   std::set<std::size_t> points, observers;
   std::size_t rows = 0;
 };
 defined_window window_by_definition(const inertial_map_scene& s, int current, int keyframes, int most) {
   defined_window w;
-  w.first = std::max(0, current - keyframes);
+  w.first = std::max(0, current - keyframes), w.begins = current < keyframes;
   const auto place = [&](const turbomap::map_keyframe_id& k) {
     return static_cast<std::size_t>(std::find(s.keyframes.begin(), s.keyframes.end(), k) - s.keyframes.begin());
   };
   std::vector<std::size_t> order;  // of points: as they are met
-  for (int f = current; f > w.first; --f) {
+  for (int f = current; f > (w.begins ? -1 : w.first); --f) {
     const auto k = s.keyframes[static_cast<std::size_t>(f)];
     for (std::size_t i = 0; i < s.map.keypoints(k).size(); ++i) {
       const auto p = s.map.point_at(k, i);
@@ -91,13 +92,17 @@ std::vector<turbomap::inertial_state<double>> adjusted_by_definition(const inert
   const std::size_t chain = static_cast<std::size_t>(current - w.first) + 1;
   std::vector<turbomap::inertial_state<double>> states;
   std::vector<std::uint8_t> fixed;
+  std::vector<std::uint32_t> held(frames.size(), 0);
+  using turbomap::inertial_frame;
+  if (w.begins) held[0] = inertial_frame::hold_pose | (current < 10 ? inertial_frame::hold_biases : 0U);
   edges_type edges;
   for (std::size_t f = 0; f < frames.size(); ++f) {
     const auto k = s.keyframes[frames[f]];
     states.push_back({s.map.T_cw(k), s.map.velocity(k), s.map.bias(k)});
-    fixed.push_back(f == 0 || f >= chain ? 1 : 0);
+    fixed.push_back((f == 0 && !w.begins) || f >= chain ? 1 : 0);
     if (f > 0 && f < chain)
-      edges.add(static_cast<std::int32_t>(f - 1), static_cast<std::int32_t>(f), *s.map.motion(k), f == 1, window);
+      edges.add(static_cast<std::int32_t>(f - 1), static_cast<std::int32_t>(f), *s.map.motion(k), f == 1 && !w.begins,
+                window);
   }
   std::vector<turbomap::rig_camera<turbomap::pinhole<double>>> rig{{{435, 436, 367, 252}, {}, 47.9, {}}};
   auto seen = turbomap::huber_reprojections(turbomap::rig_view<turbomap::pinhole<double>>{rig.data(), 1});
@@ -121,7 +126,7 @@ std::vector<turbomap::inertial_state<double>> adjusted_by_definition(const inert
   turbomap::bundle_problem<sequential, turbomap::inertial_frame, turbomap::reprojections<turbomap::pinhole<double>>,
                            edges_type::factors, edges_type::robust_factors, edges_type::walk_factors>
       problem(ctx);
-  problem.assign(ctx, {states, fixed, {}}, {points, {}}, seen, edges.plain(factor), edges.robust(factor, window),
+  problem.assign(ctx, {states, fixed, held}, {points, {}}, seen, edges.plain(factor), edges.robust(factor, window),
                  edges.walks());
   turbomap::adjustment_options solve = options.solve;
   solve.damping = turbomap::damping_rule::identity;
@@ -144,7 +149,7 @@ double difference(const turbomap::inertial_state<double>& a, const inertial_map&
 TEST_CASE_TEMPLATE("window and result are those of the definition", Policy, TURBOMAP_TEST_POLICIES) {
   for (const unsigned seed : {1U, 2U})
     for (const auto& [current, keyframes, observers] : std::vector<std::array<int, 3>>{
-             {13, 5, 200}, {13, 5, 2}, {13, 40, 200}, {9, 4, 0}, {1, 1, 200}, {13, 1, 200}}) {
+             {13, 5, 200}, {13, 5, 2}, {13, 40, 200}, {6, 40, 200}, {9, 4, 0}, {1, 1, 200}, {1, 2, 0}, {13, 1, 200}}) {
       CAPTURE(seed);
       CAPTURE(current);
       CAPTURE(keyframes);
@@ -157,16 +162,16 @@ TEST_CASE_TEMPLATE("window and result are those of the definition", Policy, TURB
       const auto summary = inertial_run<Policy>(Policy{}, s)(current, options, inertial);
       CHECK(summary.inertial);
       CHECK_FALSE(summary.stale);
-      CHECK(summary.free_keyframes == static_cast<std::size_t>(current - w.first));
+      CHECK(summary.free_keyframes == static_cast<std::size_t>(current - w.first + (w.begins ? 1 : 0)));
       CHECK(summary.inertial_edges == static_cast<std::size_t>(current - w.first));
-      CHECK(summary.fixed_keyframes == 1 + w.observers.size());
+      CHECK(summary.fixed_keyframes == (w.begins ? 0 : 1) + w.observers.size());
       CHECK(summary.points == w.points.size());
       CHECK(summary.observations == w.rows);
       REQUIRE(summary.solve.accepted > 0);
       CHECK(summary.solve.undetermined == 0);
       for (int f = 0; f < 14; ++f) {
         const auto i = static_cast<std::size_t>(f);
-        const bool moves = f > w.first && f <= current;
+        const bool moves = f >= w.first + (w.begins ? 0 : 1) && f <= current;
         if (moves)
           CHECK(difference(expected[static_cast<std::size_t>(f - w.first)], s.map, s.keyframes[i]) < 1e-7);
         else
@@ -174,6 +179,7 @@ TEST_CASE_TEMPLATE("window and result are those of the definition", Policy, TURB
                             before.map.bias(s.keyframes[i])},
                            s.map, s.keyframes[i]) == 0);
       }
+      if (w.begins) CHECK(before.map.T_cw(s.keyframes[0]).tx == s.map.T_cw(s.keyframes[0]).tx);
       CHECK(turbomap::validate(s.map).empty());
     }
 }

@@ -31,9 +31,11 @@
 ///       static void join_samples(my::Map&, keyframe removed, keyframe after);
 ///       // The bias of the keyframe before this one is another now. To integrate the samples again: needs_integration()
 ///       static void bias_changed(my::Map&, keyframe, const turbomap::imu_bias<double>&);
+///       static void set_gravity(my::Map&, const turbomap::vec3<double>&);  // these two are for inertial_initialisation
+///       static void set_initialised(my::Map&, bool);
 ///     };
 ///
-/// See docs/inertial.md and examples/06_stereo_inertial.cpp.
+/// See docs/inertial.md and examples/07_stereo_inertial.cpp.
 
 #include <type_traits>
 #include <utility>

@@ -38,6 +38,7 @@ inline void check(const inertial_adjustment_options& o) {
     check_positive("options.robust_chi2", w->robust_chi2);
   }
   require(o.most_observers >= 0, "options.most_observers", o.most_observers, "must not be negative");
+  require(o.fewest_edges >= 0, "options.fewest_edges", o.fewest_edges, "must not be negative");
   require(o.near_depth >= 0, "options.near_depth", o.near_depth, "must not be negative");
   require(o.max_time_error >= 0, "options.max_time_error", o.max_time_error, "must not be negative");
 }
@@ -157,7 +158,9 @@ class inertial_adjustment {
     const inertial_window<Map>& window;
     const plain_vector<inertial_state<double>>& adjusted;
 
-    bool moves(std::size_t f) const { return window.held()[f] != inertial_frame::visual_only; }
+    bool moves(std::size_t f) const {
+      return (window.held()[f] & inertial_frame::visual_only) != inertial_frame::visual_only;
+    }
     bool unchanged(const Map& map, const keyframe& k, std::size_t f) const {
       using inertial = inertial_traits<Map>;
       if (f + 1 < window.chain() && !(traits::previous(map, k) == window.frames()[f + 1])) return false;

@@ -22,7 +22,8 @@
 TURBOMAP_BEGIN_NAMESPACE
 
 /// An adjustment_window whose first frames, the *chain*, follow each other back in time from the current keyframe. The last of
-/// them is fixed: the keyframe before those that move, or, where the map begins with them, the oldest of them.
+/// them is fixed: the keyframe before those that move. Where the map begins with them, the oldest one keeps its pose, and its
+/// biases until there are options.fewest_edges.
 template <class Map>
 class inertial_window : public adjustment_window<Map> {
   using base = adjustment_window<Map>;
@@ -46,6 +47,11 @@ class inertial_window : public adjustment_window<Map> {
     follow(s, current, static_cast<std::size_t>(window.keyframes));
     if (chain_ == 0) return;
     join(s, window, options);
+    if (begins_ && chain_ > 1) {
+      this->fixed_[chain_ - 1] = 0;
+      held_[chain_ - 1] |= inertial_frame::hold_pose;
+      if (joined_ < static_cast<std::size_t>(options.fewest_edges)) held_[chain_ - 1] |= inertial_frame::hold_biases;
+    }
     const std::size_t free = chain_ - (this->fixed_[chain_ - 1] != 0 ? 1 : 0);
     for (std::size_t f = 0; f < free; ++f) {
       const std::size_t keypoints = keypoint_count_of(s.map, this->frames_[f]);
@@ -65,7 +71,7 @@ class inertial_window : public adjustment_window<Map> {
     base::clear();
     states_.clear(), held_.clear(), usable_.clear();
     edges_.clear();
-    chain_ = joined_ = 0;
+    chain_ = joined_ = 0, begins_ = false;
   }
 
   std::size_t chain() const { return chain_; }    ///< frames that follow each other in time, the current one first
@@ -82,7 +88,7 @@ class inertial_window : public adjustment_window<Map> {
   void follow(const mapping_scope<Map, Policy>& s, keyframe current, std::size_t wanted) {
     keyframe k = current;
     while (chain_ <= wanted && !(k == keyframe{}) && s.can_use(k)) {
-      const bool fixed = chain_ == wanted || base::is_origin(s.map, k);
+      const bool fixed = chain_ == wanted;
       if (this->add_frame(s.map, s.stored, k, fixed, s.faults) != chain_)
         break;  // met before: the times run in a circle
       inertial_state<double> x{this->frames_.T_cw()[chain_], inertial::velocity(s.map, k), inertial::bias(s.map, k)};
@@ -95,7 +101,8 @@ class inertial_window : public adjustment_window<Map> {
       }
       states_.push_back(x);
       ++chain_;
-      if (fixed) break;
+      begins_ = !fixed;
+      if (fixed || base::is_origin(s.map, k)) break;
       k = traits::previous(s.map, k);
     }
     if (chain_ > 0) this->fixed_[chain_ - 1] = 1;
@@ -108,12 +115,12 @@ class inertial_window : public adjustment_window<Map> {
     preintegration<double> motion;
     for (std::size_t f = 0; f + 1 < chain_; ++f) {
       if (!read_motion(s, f, options, motion)) continue;
-      const bool anchored = this->fixed_[f + 1] != 0;
+      const bool last = f + 2 == chain_, anchored = last && !begins_;
       if (!edges_.add(static_cast<std::int32_t>(f + 1), static_cast<std::int32_t>(f), motion, anchored, window))
         continue;
       ++joined_;
       held_[f] = 0;
-      held_[f + 1] = anchored ? 0 : inertial_frame::hold_biases;  // until the edge before it is found
+      held_[f + 1] = last ? 0 : inertial_frame::hold_biases;  // until the edge before it is found
     }
   }
   /// From frame f + 1 of the chain to f. False: it is not known, or cannot be used.
@@ -153,6 +160,7 @@ class inertial_window : public adjustment_window<Map> {
   }
 
   std::size_t chain_ = 0, joined_ = 0;
+  bool begins_ = false;                ///< the map, with the last of the chain
   plain_vector<std::uint8_t> usable_;  ///< by frame of the chain: its velocity and bias are finite
   plain_vector<inertial_state<double>> states_;
   plain_vector<std::uint32_t> held_;

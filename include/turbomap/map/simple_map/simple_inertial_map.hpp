@@ -12,10 +12,10 @@
 #include <vector>
 
 #include "../../config.hpp"
+#include "../../error.hpp"
 #include "../../inertial/bias_update.hpp"
 #include "../../inertial/imu_history.hpp"
 #include "../../inertial/preintegration.hpp"
-#include "../../error.hpp"
 #include "../../math/rotation.hpp"
 #include "../inertial_traits.hpp"
 #include "simple_map.hpp"
@@ -30,8 +30,12 @@ class simple_inertial_map : public simple_map<Descriptor, Camera> {
   /// \param imu   with which samples are integrated again, when a bias has changed much
   explicit simple_inertial_map(int levels = pyramid{}.levels, const rigid_transform<double>& T_bc = {},
                                const preintegration_options& imu = {})
-      : simple_map<Descriptor, Camera>(levels), T_bc_(T_bc), imu_(imu) {
+      : simple_map<Descriptor, Camera>(levels) {
+    set_imu(T_bc, imu);
+  }
+  void set_imu(const rigid_transform<double>& T_bc, const preintegration_options& imu) {
     require(is_pose(T_bc), "T_bc", T_bc.qw, "must be finite, with a quaternion of unit length (qw is given)");
+    T_bc_ = T_bc, imu_ = imu;
   }
 
   const rigid_transform<double>& T_bc() const { return T_bc_; }
@@ -123,6 +127,8 @@ struct inertial_traits<simple_inertial_map<Descriptor, Camera>> {
     entry.motion = motion, entry.has_motion = true;
   }
   static void clear_motion(map& m, keyframe k) { m.clear_motion(k); }
+  static void set_gravity(map& m, const vec3<double>& gravity) { m.set_gravity(gravity); }
+  static void set_initialised(map& m, bool initialised) { m.set_initialised(initialised); }
   /// Without the samples of both, the motion can no longer be integrated again.
   static void join_samples(map& m, keyframe removed, keyframe after) {
     imu_history joined = m.samples(removed);
