@@ -10,6 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include <nlohmann/json.hpp>
+
 #include <turbomap/local_mapper.hpp>
 
 #include "arguments.hpp"
@@ -57,6 +59,7 @@ struct replay_result {
   match_verdict matches;
   points_verdict true_points;  ///< of a simulated recording
   turbomap::keyframe_store_statistics store;
+  nlohmann::json imu;  ///< what became of it; null: not used
 };
 
 /// Options of the mapper for a recording.
@@ -95,7 +98,22 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording& 
   return o;
 }
 
+/// A replay without the recording's IMU. See recorded_imu.hpp.
 template <class Map, class Policy>
+struct no_imu {
+  using keyframe = typename turbomap::map_traits<Map>::keyframe;
+  using adjustment = turbomap::local_adjustment<Map, Policy, turbomap::every_adjustment_method>;
+
+  no_imu(const turbomap::recording&, turbomap::context<Policy>&, Map&) {}
+  void arrived(Map&, const keyframe&, std::int32_t) {}
+  void tracked(Map&, const keyframe&) {}
+  template <class Scope>
+  void mapped(const Scope&, const keyframe&, std::int32_t, const turbomap::local_mapper_options&) {}
+  nlohmann::json json() const { return {}; }
+};
+
+/// \tparam Imu  what is done with the IMU of the recording: no_imu, recorded_imu
+template <class Map, class Policy, template <class, class> class Imu = no_imu>
 class replayer {
  public:
   using world = replayed_map<Map>;
@@ -105,7 +123,8 @@ class replayer {
   using point = typename traits::point;
   using camera = typename traits::camera;
 
-  using adjustment = turbomap::local_adjustment<map_type, Policy, turbomap::every_adjustment_method>;
+  using imu_type = Imu<map_type, Policy>;
+  using adjustment = typename imu_type::adjustment;
   using mapper_type = turbomap::local_mapper<map_type, Policy, adjustment>;
 
   replayer(const turbomap::recording& recording, const Policy& policy, const arguments& arguments)
@@ -119,6 +138,7 @@ class replayer {
         local_map_(ctx_),
         judge_(recording, ctx_),
         points_(recording),
+        imu_(recording, ctx_, world_.map()),
         mapper_(ctx_, world_.map(), store_, mapper_options(recording, arguments), hooks()) {}
   replayer(const replayer&) = delete;
   replayer& operator=(const replayer&) = delete;
@@ -145,6 +165,7 @@ class replayer {
     result_.matches = judge_.verdict();
     if (recording_.is_simulated()) result_.true_points = points_.verdict(map);
     result_.store = store_.statistics();
+    result_.imu = imu_.json();
     return std::move(result_);
   }
 
@@ -159,11 +180,13 @@ class replayer {
     began_ = begin;
     query_ = i;
     const auto current = world_.add(i, keypoints_);
+    imu_.arrived(world_.map(), current, i);
     mapper_.insert(current, data);
     world_.associate(i);
     const double paused = now_ms();  // tracking's time, not mapping's
     if (arguments_.adjustment) tracker_(world_.map(), current);
     if (arguments_.projected) project_local_map(current);
+    imu_.tracked(world_.map(), current);
     begin += now_ms() - paused;
     mapper_.watch(world_.create(i));
     world_.count_tracking(i);
@@ -172,6 +195,9 @@ class replayer {
     row.total_ms = row.insertion_ms;
     for (const double ms : row.report.ms.values) row.total_ms += ms;
     clock_ms_ += row.total_ms;
+    turbomap::guard_times held;
+    imu_.mapped(turbomap::mapping_scope<map_type, Policy>{ctx_, world_.map(), store_, mapper_.stored(), held}, current,
+                i, mapper_.options());
     row.points = world_.map().point_count();
     row.keyframes = world_.map().keyframe_count();
     row.observations = world_.map().observation_count();
@@ -264,6 +290,7 @@ class replayer {
   local_map_search<map_type, Policy> local_map_;
   match_judge<typename mapper_type::stage_map, Policy> judge_;
   points_judge<map_type> points_;
+  imu_type imu_;
   mapper_type mapper_;
   replay_result result_;
   std::vector<turbomap::keypoint> keypoints_;

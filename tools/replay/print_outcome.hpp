@@ -26,6 +26,12 @@ inline void print_trajectory_errors(const nlohmann::json& json) {
   if (json.contains("ate_before_global_rmse_m"))
     std::printf("\n  before the adjustment of the whole map: %.4f m", json["ate_before_global_rmse_m"].get<double>());
   std::printf("\n  of the poses that came in: %.4f m\n", json["ate_input_rmse_m"].get<double>());
+  if (json.contains("scale_error")) {
+    std::printf("  scale off by %.2f %%; between events, each aligned by itself:",
+                100 * json["scale_error"].get<double>());
+    for (const auto& e : json["ate_intervals_m"]) std::printf(" %.4f", e.is_number() ? e.get<double>() : -1.0);
+    std::printf(" m\n");
+  }
   if (!json.contains("ate_batch_rmse_m")) return;
   const double bound = json["ate_batch_rmse_m"];
   std::printf(

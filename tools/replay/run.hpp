@@ -19,6 +19,7 @@
 #include "loop.hpp"
 #include "make_report.hpp"
 #include "print_outcome.hpp"
+#include "run_inertial.hpp"
 #include "run_objects.hpp"
 #include "simulation/random.hpp"
 #include "trajectory_errors.hpp"
@@ -75,7 +76,8 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
   replay_result result;
   std::vector<replay_row> rows;  // of all repetitions, the first keyframes left out
   for (int k = 0; k < arguments.repeat; ++k) {
-    result = arguments.objects
+    result = arguments.imu ? replay_inertial<Camera>(recording, arguments)
+             : arguments.objects
                  ? replay_objects<Camera>(recording, arguments)
                  : replayer<turbomap::simple_map<orb, Camera>, Policy>(recording, policy, arguments).run();
     for (std::size_t i = warm_up; i < result.rows.size(); ++i) rows.push_back(result.rows[i]);
@@ -136,6 +138,7 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
             {"peak_device_bytes", arguments.policy == "cuda" ? result.store.peak_chunk_bytes : 0},
             {"store_bytes_per_keyframe", result.store.bytes_per_keyframe}};
   for (const auto& s : stages) o.json["stages"][s.name] = s.json();
+  if (arguments.imu) o.json["imu"] = result.imu;
   if (skipped != 0)
     for (std::size_t s = 0; s < turbomap::mapping_stages; ++s)
       o.json["skipped_stages"][turbomap::to_string(static_cast<turbomap::mapping_stage>(s))] = skipped_stages.values[s];
