@@ -27,7 +27,7 @@ struct disturbed_map : inertial_map {
 
 template <>
 struct turbomap::map_traits<turbomap_test::disturbed_map> : turbomap::map_traits<turbomap_test::inertial_map> {
-  static int guard(turbomap_test::disturbed_map& m) {
+  static std::unique_lock<std::mutex> guard(turbomap_test::disturbed_map& m) {
     if (++m.guards == 2) {
       auto k = m.keyframe_at(7);
       if (m.change == 1) m.set_pose(k, {});
@@ -35,7 +35,7 @@ struct turbomap::map_traits<turbomap_test::disturbed_map> : turbomap::map_traits
         turbomap::bridge_motion<turbomap_test::inertial_map>(m, k),
             turbomap::erase_keyframe<turbomap_test::inertial_map>(m, k);
     }
-    return 0;
+    return {};
   }
 };
 template <>
