@@ -134,6 +134,12 @@ int main(int argc, char** argv) try {
                  "adjust all of the map together: 'end', after the last keyframe, or a number, after so many keyframes "
                  "each (replay mode)")
       ->check(CLI::IsMember({"end"}) | CLI::PositiveNumber);
+  app.add_option("--global-rounds", a.global_rounds,
+                 "with --global-adjustment: look for duplicates around every keyframe and adjust again, so many times")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--temporal-neighbours", a.temporal_neighbours,
+                 "search and fuse with so many keyframes at least: predecessors in time where fewer share points")
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--culling-observers", a.culling_observers,
                  "a point is redundant in a keyframe when more than so many others see it")
       ->check(CLI::NonNegativeNumber);

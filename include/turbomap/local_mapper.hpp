@@ -226,6 +226,32 @@ class local_mapper {
     return summary;
   }
 
+  /// Looks for duplicates between a keyframe's points and those of its neighbourhood, both ways, as the stage `fusion` does: after
+  /// poses were corrected, so that points on the two sides of a loop are found to be one [ORB-SLAM3]. For the thread that
+  /// calls process(), between two calls. Appearances follow.
+  /// \throws std::invalid_argument  as process()
+  fusion_summary fuse_around(const keyframe& k) {
+    require(!(k == keyframe{}), "keyframe", "none", "is not a keyframe of the map");
+    const scope s = scope_of(mapping_stage::fusion);
+    stage_keyframe current;
+    {
+      const auto guard = s.guard();
+      require(traits::alive(map_, k), "keyframe", "dead", "is not in the map, or no longer");
+      stored_.at(traits::id(map_, k));  // throws when it is not there
+      working_.begin();
+      current = working_.number(k);
+      if (!s.can_use(current)) return {};
+    }
+    const fusion_summary before = report_.fused;
+    report_.fused = {};
+    fuse(current, s);
+    const fusion_summary found = report_.fused;
+    report_.fused = before;
+    report_.fused += found;
+    update_due(mapping_stage::fusion);
+    return found;
+  }
+
   /// Normals and distance ranges of points whose position was changed, e.g. in the adjust hook: during process() they are
   /// computed at its end, with all that is due by then, otherwise at once.
   void update_geometry(span<const point> points) {

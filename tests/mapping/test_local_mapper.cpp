@@ -256,6 +256,14 @@ TEST_CASE("what adjustment moves, and what outliers leave, is described anew") {
     CHECK(summary.outliers > 10);
     CHECK(run.mapper.report().points_updated > updated + run.map.point_count() / 2);
     CHECK(run.mapper.adjust_globally({}, options).stale);
+    CHECK_THROWS_AS(run.mapper.fuse_around({}), std::invalid_argument);
+    const auto before = content(run.map);
+    const auto report = run.mapper.report().fused;
+    const auto fused = run.mapper.fuse_around(last);
+    CHECK(fused.observations_added > 5);  // of those that were outliers by the narrow gate
+    CHECK(content(run.map) != before);
+    CHECK(run.mapper.report().fused.observations_added == report.observations_added + fused.observations_added);
+    CHECK(turbomap::validate(run.map).empty());
   }
   std::vector<turbomap::map_point_id> all;
   turbomap::map_traits<map_type>::for_each_point(run.map, [&](turbomap::map_point_id p) { all.push_back(p); });

@@ -46,6 +46,8 @@ struct arguments {
   int second_shared = 0;               ///< local_adjustment_options::second_min_shared_points
   int global_every = 0;                ///< all of the map is adjusted after so many keyframes; 0: never
   bool global_end = false;             ///< ... and at the end
+  int global_rounds = 0;               ///< duplicates are looked for and all is adjusted again, so often
+  int temporal_neighbours = -1;        ///< neighbourhood_options'; negative: its default
   int culling_observers = -1;          ///< keyframe_culling_options::observers; negative: its default
   float culling_share = -1;            ///< ... redundant_share, likewise
   bool projected = false;              ///< the local map is looked for in each keyframe, besides

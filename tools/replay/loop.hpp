@@ -40,7 +40,8 @@ struct replay_row {
 struct global_result {
   std::vector<turbomap::rigid_transform<double>> T_cw_before;  ///< the last one; by keyframe, as replay_result::T_cw
   turbomap::local_adjustment_summary last;
-  std::vector<double> ms;  ///< each, with the appearances after it
+  turbomap::fusion_summary fused;  ///< in the rounds between them
+  std::vector<double> ms;          ///< each, with rounds and appearances
 };
 
 /// What a replay leaves behind. Vectors by keyframe of the recording.
@@ -83,6 +84,7 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording& 
   o.adjustment.solve.numbers = a.precision();
   o.adjustment.stereo_correlation = a.correlation(recording);
   o.adjustment.second_min_shared_points = a.second_shared;
+  if (a.temporal_neighbours >= 0) o.neighbours.neighbourhood.temporal_neighbours = a.temporal_neighbours;
   if (a.culling_observers >= 0) o.keyframe_culling.observers = a.culling_observers;
   if (a.culling_share >= 0) o.keyframe_culling.redundant_share = a.culling_share;
   o.covariances = a.uncertain_tracking || a.uncertain_fusion;
@@ -219,6 +221,11 @@ class replayer {
     result_.global.T_cw_before = poses();
     const double begin = now_ms();
     result_.global.last = mapper_.adjust_globally(world_.id(query_), options);
+    for (int round = 0; round < arguments_.global_rounds; ++round) {
+      for (std::int32_t k = 0; k <= query_; ++k)
+        if (world_.alive(k)) result_.global.fused += mapper_.fuse_around(world_.id(k));
+      result_.global.last = mapper_.adjust_globally(world_.id(query_), options);
+    }
     result_.global.ms.push_back(now_ms() - begin);
   }
   std::vector<turbomap::rigid_transform<double>> poses() const {

@@ -158,7 +158,8 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
         {"times", result.global.ms.size()},      {"ms_last", result.global.ms.back()},
         {"iterations", last.solve.iterations},   {"end", turbomap::to_string(last.solve.end)},
         {"free_keyframes", last.free_keyframes}, {"points", last.points},
-        {"observations", last.observations},     {"outliers", last.outliers}};
+        {"observations", last.observations},     {"outliers", last.outliers},
+        {"merged", result.global.fused.merged},  {"observations_added", result.global.fused.observations_added}};
     if (!arguments.quiet && arguments.global_end && recording.has_ground_truth())
       o.json["ate_before_global_rmse_m"] = trajectory_error(recording, result.global.T_cw_before, result.alive);
   }
