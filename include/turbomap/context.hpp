@@ -23,8 +23,11 @@ TURBOMAP_BEGIN_NAMESPACE
 /// The blocks of a scratch_arena: everything that needs no type.
 class scratch_blocks {
  public:
+  /// Takes no memory yet.
   explicit scratch_blocks(std::pmr::memory_resource* resource) : resource_(resource) {}
+  /// Takes the blocks over.
   scratch_blocks(scratch_blocks&& other) noexcept : resource_(other.resource_) { exchange(other); }
+  /// Gives its own blocks back, and takes those of the other over.
   scratch_blocks& operator=(scratch_blocks&& other) noexcept {
     std::pmr::memory_resource* const resource = resource_;
     resource_ = other.resource_;
@@ -50,6 +53,7 @@ class scratch_blocks {
   }
 
  protected:
+  /// So many bytes, aligned for every type.
   [[gnu::noinline]] std::byte* take_bytes(std::size_t n) {
     const std::size_t bytes = align_up(n);
     if (blocks_.empty() || used_ + bytes > blocks_.back().bytes) add_block(bytes);
@@ -111,8 +115,8 @@ class scratch_arena : public scratch_blocks {
 template <class Policy = thrust::detail::seq_t>
 class context {
  public:
-  using policy_type = Policy;
-  using memory_type = memory_of_t<Policy>;
+  using policy_type = Policy;               ///< of Thrust
+  using memory_type = memory_of_t<Policy>;  ///< where it computes
 
   /// \param policy    any Thrust execution policy
   /// \param resource  where scratch and results of this context live; the policy's own memory when not given
@@ -120,6 +124,7 @@ class context {
   explicit context(Policy policy = Policy(), std::pmr::memory_resource* resource = default_resource(memory_type{}),
                    std::pmr::memory_resource* staging = default_staging_resource(memory_type{}))
       : policy_(std::move(policy)), resource_(resource), scratch_(resource), staging_(staging) {}
+  /// What was moved from may only be destroyed.
   context(context&& other) noexcept
       : policy_(other.policy_),
         resource_(std::exchange(other.resource_, nullptr)),  // what was moved from has nothing to wait for
@@ -131,7 +136,9 @@ class context {
     if (resource_ != nullptr) wait_quietly();
   }
 
+  /// As it was given.
   const Policy& policy() const { return policy_; }
+  /// Where scratch and results live.
   std::pmr::memory_resource* resource() const { return resource_; }
 
   /// Starts a call: the scratch of the previous one is taken back. Later work of the same stream may overwrite it, because
@@ -196,6 +203,7 @@ class context {
   bool upload_in_flight_ = false;
 };
 
+/// `context ctx{policy};`
 template <class Policy>
 context(Policy) -> context<Policy>;
 
