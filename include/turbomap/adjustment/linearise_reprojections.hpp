@@ -16,8 +16,7 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Index = chunk, from both ends in turns: those of free frames, which take longer, come first, and what one thread takes
-/// should be of both kinds.
+/// Index = chunk.
 /// \tparam G  numbers of residuals  \tparam A  numbers of the normal equations  \tparam N  lanes
 template <class Camera, class Kernel, class G, class A, int N, int V>
 struct linearise_reprojections {
@@ -31,8 +30,7 @@ struct linearise_reprojections {
 
   using part = reprojection_cost_part<G, N>;
 
-  TURBOMAP_HD void operator()(int i) const {
-    const int chunk = i % 2 == 0 ? i / 2 : group.chunk_count - 1 - i / 2;
+  TURBOMAP_HD void operator()(int chunk) const {
     const observation_chunk& c = group.chunks[chunk];
     if (c.kind % 2 == 1)
       chunk_of<true>(c, group.stereo, chunk);
