@@ -26,6 +26,7 @@ struct inertial_frame {
   /// \name Bits of frame_input::held
   /// @{
   static constexpr std::uint32_t hold_pose = 0x3F, hold_velocity = 7U << 6, hold_biases = 63U << 9;
+  static constexpr std::uint32_t hold_centre = 7U << 3;  ///< a step of the rotation alone leaves the camera's centre
   static constexpr std::uint32_t visual_only = hold_velocity | hold_biases;  ///< of a frame that nothing inertial joins
   /// @}
 
