@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <map>
 #include <set>
 #include <vector>
@@ -20,6 +21,7 @@
 #include <turbomap/inertial/inertial_residual.hpp>
 #include <turbomap/inertial/predict.hpp>
 #include <turbomap/inertial/preintegrate.hpp>
+#include <turbomap/io/recording.hpp>
 #include <turbomap/io/trajectory_error.hpp>
 
 #include "support/files.hpp"
@@ -485,6 +487,18 @@ TEST_CASE("an inertial recording has the truth beside it, and its samples agree 
     }
     CHECK(chi2 < 40);  // nine degrees of freedom; more than 33.7 once in 10,000
   }
+}
+
+TEST_CASE("the truth of an inertial recording is written and read; half of it is refused") {
+  const turbomap_test::temporary_directory folder;
+  const auto at = folder / "r";
+  turbomap::write_recording(at, tum_vi());
+  const auto r = turbomap::read_recording(at);
+  CHECK(r.sim_bias_true == tum_vi().sim_bias_true);
+  REQUIRE(r.sim_velocity_true.size() == r.keyframe_count());
+  CHECK(r.sim_velocity_true[3].x == tum_vi().sim_velocity_true[3].x);
+  std::filesystem::remove(at / "sim_bias_true.npy");
+  CHECK(turbomap_test::has(turbomap_test::bad_file_message([&] { turbomap::read_recording(at); }), "sim_bias_true"));
 }
 
 TEST_CASE("a recording of a system whose IMU is not initialised: another world, without stereo another unit") {
