@@ -67,7 +67,9 @@ struct replay_result {
 inline turbomap::local_mapper_options mapper_options(const turbomap::recording& recording, const arguments& a) {
   using turbomap::mapping_stage;
   const turbomap::recording_meta& meta = recording.meta;
-  auto o = meta.sensor == "inertial"
+  auto o = meta.sensor == "inertial" && !(meta.baseline > 0)
+               ? turbomap::local_mapper_options::monocular_inertial(meta.pyramid())
+           : meta.sensor == "inertial"
                ? turbomap::local_mapper_options::stereo_inertial(meta.baseline, meta.close_depth, meta.pyramid())
            : meta.sensor == "monocular"
                ? turbomap::local_mapper_options::monocular(meta.pyramid())

@@ -4,8 +4,7 @@
 
 /// \file
 /// Tracking's part of a replay with the recording's IMU: motions between keyframes from the raw samples, velocities by
-/// prediction, and the initialisation at its times. Recorded velocities and biases are read only where the recording says that
-/// its map was initialised from the start.
+/// prediction, and the initialisation at its times. Recorded velocities, biases and events are not read.
 
 #include <cmath>
 #include <cstddef>
