@@ -123,11 +123,16 @@ class context {
   /// \param staging   host memory that calls are packed in before they are sent (pinned for CUDA when not given)
   explicit context(Policy policy = Policy(), std::pmr::memory_resource* resource = default_resource(memory_type{}),
                    std::pmr::memory_resource* staging = default_staging_resource(memory_type{}))
-      : policy_(std::move(policy)), resource_(resource), scratch_(resource), staging_(staging) {}
+      : policy_(std::move(policy)),
+        resource_(resource),
+        staging_resource_(staging),
+        scratch_(resource),
+        staging_(staging) {}
   /// What was moved from may only be destroyed.
   context(context&& other) noexcept
       : policy_(other.policy_),
         resource_(std::exchange(other.resource_, nullptr)),  // what was moved from has nothing to wait for
+        staging_resource_(other.staging_resource_),
         scratch_(std::move(other.scratch_)),
         staging_(std::move(other.staging_)),
         upload_in_flight_(other.upload_in_flight_) {}
@@ -140,6 +145,8 @@ class context {
   const Policy& policy() const { return policy_; }
   /// Where scratch and results live.
   std::pmr::memory_resource* resource() const { return resource_; }
+  /// Of host memory that copies to and from the policy's memory run from at full rate.
+  std::pmr::memory_resource* staging_resource() const { return staging_resource_; }
 
   /// Starts a call: the scratch of the previous one is taken back. Later work of the same stream may overwrite it, because
   /// it runs after that call's.
@@ -163,6 +170,14 @@ class context {
   const T* on_host(const T* resident, std::size_t n, List& buffer) {
     if constexpr (is_host_accessible_v<memory_type>) return resident;
     buffer.resize(n);
+    copy_out(policy_, buffer.data(), resident, n * sizeof(T));
+    return buffer.data();
+  }
+  /// The same with a buffer of staging_resource().
+  template <class T>
+  const T* on_host(const T* resident, std::size_t n, array<T, host_memory>& buffer) {
+    if constexpr (is_host_accessible_v<memory_type>) return resident;
+    buffer.resize_discard(n);
     copy_out(policy_, buffer.data(), resident, n * sizeof(T));
     return buffer.data();
   }
@@ -198,6 +213,7 @@ class context {
 
   Policy policy_;
   std::pmr::memory_resource* resource_;
+  std::pmr::memory_resource* staging_resource_;
   scratch_arena<memory_type> scratch_;
   array<std::byte, host_memory> staging_;
   bool upload_in_flight_ = false;

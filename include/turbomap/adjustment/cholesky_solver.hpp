@@ -8,6 +8,7 @@
 
 #include <cstddef>
 
+#include "../array.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../parallel.hpp"
@@ -16,6 +17,7 @@
 #include "dense_cholesky.hpp"
 #include "reduced_system.hpp"
 #include "solve_dense.hpp"
+#include "step_sums.hpp"
 #include "structure.hpp"
 #include "unknown_order.hpp"
 #include "uploaded.hpp"
@@ -25,19 +27,26 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Host memory of the solvers; a problem keeps it.
 template <int D>
 struct solver_workspace {
+  /// \param staging  see context::staging_resource()
+  explicit solver_workspace(std::pmr::memory_resource* staging)
+      : matrix(staging), x(staging), b(staging), sums(staging), report(staging), survey(staging) {}
+
   dense_cholesky dense;
   block_cholesky<D> sparse;
   bool analysed = false;  ///< `sparse` has the structure of the problem
-  plain_vector<double> matrix, x, b, sums;
+  array<double, host_memory> matrix, x, b, sums;
+  array<awaited<step_report>, host_memory> report;
+  array<awaited<survey_report>, host_memory> survey;
   plain_vector<double> ordered, ordered_x;  ///< in an unknown_order
 };
 
 /// Steps of the free frames.
 struct reduced_step {
   bool solved = false;
-  int iterations = 0;            ///< of an iterative solver
-  const double* step = nullptr;  ///< where the policy computes
-  const double* on_host = nullptr;
+  int iterations = 0;                       ///< of an iterative solver
+  const double* step = nullptr;             ///< where the policy computes
+  const double* on_host = nullptr;          ///< null: not asked for
+  const double* solved_resident = nullptr;  ///< with no `on_host`: whether it was solved, where the policy computes
 };
 
 /// The reduced matrix in full. The host solves it in an unknown_order where there are others than those of landmarks.
@@ -125,9 +134,7 @@ class cholesky_solver {
     if constexpr (System::fills_gaps) {
       const int n = s_.free_frames * D, stride = static_cast<int>(unknowns());
       if (launch_solve_dense(ctx.policy(), {matrix_, x_, x_ + unknowns(), n, stride, default_pivot_tolerance})) {
-        const double* x = on_host(ctx, x_, unknowns() + 1, workspace_.x);
-        if (x[unknowns()] == 0) return {};
-        return {true, 0, x_, x};
+        return {true, 0, x_, nullptr, x_ + unknowns()};
       }
     }
     if (!system_.factorise(on_host(ctx, matrix_, system_.size(), workspace_.matrix), default_pivot_tolerance))

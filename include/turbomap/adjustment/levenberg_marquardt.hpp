@@ -48,6 +48,7 @@ class levenberg_marquardt {
   template <class Solvers>
   adjustment_summary run() {
     summary_.end = start<Solvers>();
+    ctx_.synchronize();  // something may have been computed ahead
     return std::move(summary_);
   }
 
@@ -64,7 +65,7 @@ class levenberg_marquardt {
     summary_.undefined = equations_.undefined();
     if (data_.structure.free_frames == 0 && !landmarks_move()) return adjustment_end::nothing_free;
     const reduced_solver chosen = choose<Solvers>();
-    if (chosen != reduced_solver::pcg) equations_.need_blocks(ctx_);
+    if (chosen != reduced_solver::pcg) equations_.need_blocks(ctx_, chosen == reduced_solver::dense);
     const schur_view<A>& s = equations_.view();
     if constexpr (Solvers::has(reduced_solver::dense))
       if (chosen == reduced_solver::dense)
@@ -88,10 +89,8 @@ class levenberg_marquardt {
     for (int i = 0; i < options_.max_iterations; ++i) {
       if (stopped()) return adjustment_end::stopped;
       if (i > 0 && out_of_time()) return adjustment_end::time_budget;
-      if (linearised_ != at_current) equations_.linearise(ctx_, data_.estimate.current());
-      equations_.form(ctx_, data_.estimate.current());
-      linearised_ = at_current;
-      if (i == 0) summary_.undetermined = equations_.undetermined(ctx_);
+      linearise();
+      if (i == 0) survey(!(control.lambda > 0));
       if (i == 0 && !(control.lambda > 0)) {
         control.lambda = first_lambda();
         if (!(largest_ > 0)) return adjustment_end::converged;  // no factor depends on anything
@@ -110,6 +109,16 @@ class levenberg_marquardt {
     return adjustment_end::max_iterations;
   }
 
+  /// What there is to know of the first linearisation.
+  void survey(bool scale) {
+    if (const survey_report* found = equations_.survey(ctx_, scale)) {
+      summary_.undetermined = static_cast<int>(found->undetermined);
+      if (scale) largest_ = found->largest;
+    } else {
+      summary_.undetermined = equations_.undetermined(ctx_);
+    }
+  }
+
   /// The damping that the options stand for where they give none.
   double first_lambda() {
     if (largest_ < 0) largest_ = equations_.largest_diagonal(ctx_);
@@ -123,9 +132,27 @@ class levenberg_marquardt {
 
   /// The cost of an estimate. \param linearise  it is likely to be linearised next: in the same pass, where that is cheap
   double evaluate(const estimate_view<typename Data::frame>& x, bool linearise) {
+    if (const step_report* report = evaluate_step(x, {}, linearise)) return report->cost;
     if (!Data::reprojections_only || !linearise) return equations_.evaluate(ctx_, x);
-    linearised_ = x.states == data_.estimate.current().states ? at_current : at_trial;
+    note_linearised(x, false);
     return equations_.linearise_and_evaluate(ctx_, x);
+  }
+  /// The same of a step, where the policy sums: see normal_equations.
+  const step_report* evaluate_step(const estimate_view<typename Data::frame>& x, const step_parts& parts,
+                                   bool linearise) {
+    const step_report* report = equations_.evaluate_step(ctx_, x, parts, linearise);
+    if (report != nullptr && linearise) note_linearised(x, true);
+    return report;
+  }
+  void note_linearised(const estimate_view<typename Data::frame>& x, bool formed) {
+    linearised_ = x.states == data_.estimate.current().states ? at_current : at_trial;
+    formed_ = formed;
+  }
+  /// The normal equations of the current estimate, unless they are there.
+  void linearise() {
+    if (linearised_ != at_current) equations_.linearise(ctx_, data_.estimate.current()), formed_ = false;
+    if (!formed_) equations_.form(ctx_, data_.estimate.current());
+    linearised_ = at_current, formed_ = true;
   }
 
   /// Steps of one linearisation, with more and more damping, until one makes the cost smaller.
@@ -134,30 +161,29 @@ class levenberg_marquardt {
                        bool more) {
     bool factorised = false;
     while (it.steps <= options_.max_retries) {
-      if (linearised_ == at_trial) {  // at one that was refused
-        equations_.linearise(ctx_, data_.estimate.current());
-        equations_.form(ctx_, data_.estimate.current());
-        linearised_ = at_current;
-      }
+      linearise();  // anew where it was at an estimate that was refused
       ++it.steps, it.lambda = control.lambda;
-      double predicted = 0;
-      const reduced_step step = take_step(solver, control.lambda, predicted);
+      double predicted = 0, after = 0;
+      bool evaluated = false;
+      const reduced_step step = take_step(solver, control.lambda, more && hopeful_, predicted, after, evaluated);
       it.linear_iterations += step.iterations;
       if (step.solved) {
         factorised = true;
         if (!(predicted > options_.min_predicted_decrease * cost) && detail::is_finite(predicted)) {
           // The step promises nothing: no gradient is left, or too much damping.
+          linearise();
           if (!(equations_.gradient_gain(ctx_) > options_.min_predicted_decrease * cost))
             return adjustment_end::converged;
           if (it.steps > 1 || !(control.lambda > first_lambda())) return adjustment_end::no_descent;
           control.lambda = first_lambda();
           continue;
         }
-        const double after = evaluate(data_.estimate.trial(), more && hopeful_);
+        if (!evaluated) after = evaluate(data_.estimate.trial(), more && hopeful_);
         hopeful_ = control.accepts(cost, after, predicted);
         if (hopeful_) {
           cost = after;
           linearised_ = linearised_ == at_trial ? at_current : nowhere;
+          formed_ = formed_ && linearised_ == at_current;
           summary_.undefined = equations_.undefined();
           data_.estimate.accept();
           ++summary_.accepted;
@@ -173,13 +199,15 @@ class levenberg_marquardt {
   }
 
   /// Solves for a step with a damping and applies it to the trial estimate. `predicted`: the decrease that the quadratic
-  /// model promises, the sum of dx (damping dx + b).
-  reduced_step take_step(solver_type& solver, double lambda, double& predicted) {
+  /// model promises, the sum of dx (damping dx + b). `after`: the cost there, if it was `evaluated` on the way.
+  /// \param ahead  see evaluate()
+  reduced_step take_step(solver_type& solver, double lambda, bool ahead, double& predicted, double& after,
+                         bool& evaluated) {
     const damping damping{lambda, options_.damping == damping_rule::diagonal};
     const schur_view<A>& s = equations_.view();
     const Policy& policy = ctx_.policy();
     launch_eliminate_landmarks<V>(policy, s, damping);
-    const reduced_step step = solver.solve(ctx_, damping);
+    reduced_step step = solver.solve(ctx_, damping);
     if (!step.solved) return step;
     const auto from = data_.estimate.current(), to = data_.estimate.trial();
     const int frames = data_.structure.frames;
@@ -187,13 +215,23 @@ class levenberg_marquardt {
     launch_retract_frames(policy, frames, s.free_of_frame, step.step, from, to);
     launch_prepare_poses(policy, frames, to);
     const std::size_t n = static_cast<std::size_t>(s.free_frames) * D, triangles = n / D * frame_block<D>::triangle;
+    const step_parts parts{nullptr, 0, gains_, gain_count(), step.step, s.b, s.H, n, step.solved_resident, damping};
+    if (const step_report* report = evaluate_step(to, parts, ahead)) {
+      predicted = report->predicted, after = report->cost, evaluated = true;
+      step.solved = report->solved != 0;
+      return step;
+    }
     auto& w = data_.workspace;
+    const double* x = step.on_host != nullptr ? step.on_host : ctx_.on_host(step.step, n, w.x);
+    double solved = 1;
+    if (step.solved_resident != nullptr) copy_out(policy, &solved, step.solved_resident, sizeof solved);
     const double* gains = ctx_.on_host(gains_, gain_count(), w.sums);
     const double* b = ctx_.on_host(s.b, n, w.b);
     const double* H = damping.scaled ? ctx_.on_host(s.H, triangles, w.matrix) : nullptr;
-    ctx_.synchronize();  // once for the three
-    predicted = detail::dot_in_order(step.on_host, b, n, detail::sum_in_order(gains, gain_count()));
-    predicted = detail::damped_square<D>(damping, H, step.on_host, n, predicted);
+    ctx_.synchronize();  // once for all
+    step.solved = solved != 0;
+    predicted = detail::dot_in_order(x, b, n, detail::sum_in_order(gains, gain_count()));
+    predicted = detail::damped_square<D>(damping, H, x, n, predicted);
     return step;
   }
   std::size_t gain_count() const { return static_cast<std::size_t>(landmark_gain_count(data_.structure.landmarks)); }
@@ -236,6 +274,7 @@ class levenberg_marquardt {
   adjustment_summary summary_;
   double* gains_ = nullptr;
   enum { nowhere, at_current, at_trial } linearised_ = nowhere;
+  bool formed_ = false;  ///< the normal equations are those of the last linearisation
   bool hopeful_ = true;  ///< the last step was accepted, so the next one probably is
   double largest_ = -1;  ///< of the diagonal, at the first look; -1: not looked at
 };

@@ -16,8 +16,10 @@
 #include "frame_sums.hpp"
 #include "hold_unknowns.hpp"
 #include "host_sums.hpp"
+#include "list_blocks.hpp"
 #include "problem_data.hpp"
 #include "schur_view.hpp"
+#include "step_sums.hpp"
 #include "uploaded.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -55,6 +57,7 @@ class normal_equations {
     s_.b = ctx.template scratch<double>(at(s.free_frames) * D);
     costs_ = ctx.template scratch<double>(2 * s.costs());
     scales_ = ctx.template scratch<double>(at(s.landmarks));
+    data.workspace.report.resize_discard(1), data.workspace.survey.resize_discard(1);
   }
 
   /// Where the solvers look.
@@ -63,8 +66,10 @@ class normal_equations {
   int undefined() const { return undefined_; }
 
   /// The lists of the blocks of the reduced matrix: for the solvers that form it.
+  /// \param full  every block has its place in the matrix, those that are empty too
   template <class Policy>
-  void need_blocks(context<Policy>& ctx) {
+  void need_blocks(context<Policy>& ctx, bool full) {
+    if (full && launch_list_blocks(ctx.policy(), ctx.scratch(), data_.structure, s_)) return;
     data_.need_blocks(ctx.policy());
     data_.lists.point(s_);
     s_.blocks = static_cast<int>(data_.structure.block_row.size());
@@ -73,8 +78,33 @@ class normal_equations {
   /// The robust cost of an estimate, and undefined(). Summed in one order.
   template <class Policy>
   double evaluate(context<Policy>& ctx, const estimate_view<Frame>& x) {
-    std::apply([&](auto&... g) { (g.template cost<G>(ctx.policy(), x, costs()), ...); }, data_.groups);
+    compute_costs(ctx, x);
     return sum_costs(ctx);
+  }
+
+  /// The same and, where the policy hands over sums, those of a step that led there.
+  /// \param parts  of the step; costs are filled in here
+  /// \param ahead  the estimate is likely to be linearised next: that and form() are enqueued before the host waits
+  /// \return null: the policy does not
+  template <class Policy>
+  const step_report* evaluate_step(context<Policy>& ctx, const estimate_view<Frame>& x, step_parts parts, bool ahead) {
+    if constexpr (is_host_accessible_v<memory_of_t<Policy>>) {
+      return nullptr;
+    } else {
+      auto* const to = data_.workspace.report.data();
+      if (!can_hand_over(to)) return nullptr;
+      parts.costs = costs_, parts.cost_count = data_.structure.costs();
+      if (ahead && Data::reprojections_only)
+        linearise(ctx, x, costs());
+      else
+        compute_costs(ctx, x);
+      launch_sum_step<D>(ctx.policy(), parts, to);
+      if (ahead && !Data::reprojections_only) linearise(ctx, x);
+      if (ahead) form(ctx, x);
+      const step_report& report = wait_for(ctx.policy(), *to);
+      undefined_ = static_cast<int>(report.undefined);
+      return &report;
+    }
   }
 
   /// Linearises all factors at an estimate: rows, couplings and partial sums. form() sums them.
@@ -100,6 +130,21 @@ class normal_equations {
     if constexpr (D <= 32)
       if (!data_.held.host().empty())
         launch_hold_unknowns<V, D>(ctx.policy(), s_, data_.held.data(), static_cast<int>(data_.structure.slots()));
+  }
+
+  /// undetermined() and largest_diagonal(), where the policy hands them over. Null: it does not.
+  /// \param scale  whether the largest element is asked for
+  template <class Policy>
+  const survey_report* survey(context<Policy>& ctx, bool scale) {
+    if constexpr (is_host_accessible_v<memory_of_t<Policy>>) {
+      return nullptr;
+    } else {
+      auto* const to = data_.workspace.survey.data();
+      if (!can_hand_over(to)) return nullptr;
+      if (scale) launch_scale_landmarks(ctx.policy(), s_, scales_);
+      launch_survey_frames<D>(ctx.policy(), scale ? scales_ : nullptr, s_.landmarks, s_.H, s_.free_frames, to);
+      return &wait_for(ctx.policy(), *to);
+    }
   }
 
   /// Unknowns of free frames that no factor depends on.
@@ -144,6 +189,10 @@ class normal_equations {
  private:
   cost_sums costs() const { return {costs_, costs_ + data_.structure.costs()}; }
 
+  template <class Policy>
+  void compute_costs(context<Policy>& ctx, const estimate_view<Frame>& x) {
+    std::apply([&](auto&... g) { (g.template cost<G>(ctx.policy(), x, costs()), ...); }, data_.groups);
+  }
   template <class Policy>
   double sum_costs(context<Policy>& ctx) {
     const std::size_t n = data_.structure.costs();

@@ -11,6 +11,7 @@
 #include <tuple>
 #include <type_traits>
 
+#include "../array.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
@@ -42,7 +43,8 @@ class basic_bundle_problem {
 
   /// \param ctx  whose memory resource it uses; give the same context to every call
   template <class Policy>
-  explicit basic_bundle_problem(context<Policy>& ctx) : data_(ctx.resource()) {}
+  explicit basic_bundle_problem(context<Policy>& ctx)
+      : data_(ctx.resource(), ctx.staging_resource()), transfer_(ctx.staging_resource()) {}
 
   /// Takes a problem, in place of the one before. Indices of frames and landmarks are places in the two inputs; nothing of
   /// the inputs is kept. O(observations), and in adjust() once O(pairs of frames that see one landmark).
@@ -69,12 +71,12 @@ class basic_bundle_problem {
   /// The current estimate of the landmarks.
   template <class Policy, class List>
   void landmarks(context<Policy>& ctx, List& result) const {
-    staging_.resize(static_cast<std::size_t>(landmark_count()) * landmark_stride);
-    copy_out(ctx.policy(), staging_.data(), data_.estimate.landmarks(), staging_.size() * sizeof(double));
+    transfer_.resize_discard(static_cast<std::size_t>(landmark_count()) * landmark_stride);
+    copy_out(ctx.policy(), transfer_.data(), data_.estimate.landmarks(), transfer_.size() * sizeof(double));
     ctx.synchronize();
     result.resize(static_cast<std::size_t>(landmark_count()));
     for (std::size_t l = 0; l < result.size(); ++l) {
-      const double* p = staging_.data() + l * landmark_stride;
+      const double* p = transfer_.data() + l * landmark_stride;
       result[l] = {p[0], p[1], p[2]};
     }
   }
@@ -136,36 +138,36 @@ class basic_bundle_problem {
     std::size_t rows = 0, at = 0;
     for (const auto& g : inputs_.landmark_groups) rows += g.frame.size();
     const std::size_t step = rows / sample + 1;
-    staging_.clear();
+    distances_.clear();
     for (const auto& g : inputs_.landmark_groups) {
       for (; at < g.frame.size(); at += step) {
         const auto& T = Frame::template pose<double>(frames.states[static_cast<std::size_t>(g.frame[at])]);
         const vec3<double> p = to_isometry<double>(T) * landmarks.positions[static_cast<std::size_t>(g.landmark[at])];
         const double distance = norm(p);
         if (!detail::is_finite(distance)) continue;
-        staging_.push_back(distance);  // sorted as they come
-        for (std::size_t i = staging_.size() - 1; i > 0 && staging_[i - 1] > distance; --i)
-          staging_[i] = staging_[i - 1], staging_[i - 1] = distance;
+        distances_.push_back(distance);  // sorted as they come
+        for (std::size_t i = distances_.size() - 1; i > 0 && distances_[i - 1] > distance; --i)
+          distances_[i] = distances_[i - 1], distances_[i - 1] = distance;
       }
       at -= g.frame.size();
     }
-    if (staging_.empty()) return 0;
-    return staging_[staging_.size() / 2];
+    if (distances_.empty()) return 0;
+    return distances_[distances_.size() / 2];
   }
 
   template <class Policy>
   void upload_state(context<Policy>& ctx, const frame_input<Frame>& frames, const landmark_input& landmarks) {
     const std::size_t n = frames.states.size(), m = landmarks.positions.size();
     data_.estimate.resize(n, m);
-    staging_.resize(landmark_stride * m);
+    transfer_.resize_discard(landmark_stride * m);
     for (std::size_t l = 0; l < m; ++l) {
       const vec3<double>& p = landmarks.positions[l];
-      double* to = staging_.data() + l * landmark_stride;
+      double* to = transfer_.data() + l * landmark_stride;
       to[0] = p.x, to[1] = p.y, to[2] = p.z, to[3] = 0;
     }
     const estimate_view<Frame> x = data_.estimate.current();
     copy_in(ctx.policy(), x.states, frames.states.data(), n * sizeof(state));
-    copy_in(ctx.policy(), x.landmarks, staging_.data(), staging_.size() * sizeof(double));
+    copy_in(ctx.policy(), x.landmarks, transfer_.data(), transfer_.size() * sizeof(double));
     data_.landmark_fixed.host().assign(landmarks.fixed.begin(), landmarks.fixed.end());
     data_.landmark_fixed.send(ctx.policy());
     hold(frames.held);
@@ -186,7 +188,8 @@ class basic_bundle_problem {
   data_type data_;
   structure_builder builder_;
   structure_inputs inputs_;
-  mutable plain_vector<double> staging_;
+  plain_vector<double> distances_;
+  mutable array<double, host_memory> transfer_;  ///< what is on its way to the policy or back
 };
 
 // Out of the class, so that a file that finds them precompiled does not compile them.
@@ -228,14 +231,14 @@ void basic_bundle_problem<Memory, Frame, Groups...>::chi2(context<Policy>& ctx, 
   double* values = ctx.template scratch<double>(2 * n);
   fill_bytes(ctx.policy(), values, 0, 2 * n * sizeof(double));
   group.chi2(ctx.policy(), data_.estimate.current(), values, values + n);
-  staging_.resize(2 * n);
-  copy_out(ctx.policy(), staging_.data(), values, 2 * n * sizeof(double));
+  transfer_.resize_discard(2 * n);
+  copy_out(ctx.policy(), transfer_.data(), values, 2 * n * sizeof(double));
   ctx.synchronize();
   chi2.resize(group.size()), depth.resize(group.size());
   for (const auto& c : s.chunks)
     for (int i = c.begin; i < c.begin + c.count; ++i) {
       const auto e = static_cast<std::size_t>(i), o = static_cast<std::size_t>(s.source[e]);
-      chi2[o] = staging_[e], depth[o] = staging_[n + e];
+      chi2[o] = transfer_.data()[e], depth[o] = transfer_.data()[n + e];
     }
 }
 

@@ -66,8 +66,14 @@ struct problem_data {
   static constexpr int dof = frame::dof, landmark_dof = frame::landmark_dof;
   static constexpr bool reprojections_only = !(resident_group<Groups, frame, Memory>::own_landmark_factors || ...);
 
-  explicit problem_data(std::pmr::memory_resource* r)
-      : groups(resident_group<Groups, frame, Memory>(r)...), lists(r), landmark_fixed(r), held(r), estimate(r) {}
+  /// \param staging  see context::staging_resource()
+  problem_data(std::pmr::memory_resource* r, std::pmr::memory_resource* staging)
+      : groups(resident_group<Groups, frame, Memory>(r, staging)...),
+        lists(r),
+        landmark_fixed(r),
+        held(r),
+        estimate(r),
+        workspace(staging) {}
 
   adjustment_structure structure;
   std::tuple<resident_group<Groups, frame, Memory>...> groups;

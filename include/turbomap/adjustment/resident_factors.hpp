@@ -24,7 +24,7 @@ class resident_group<landmark_factors<Factor, Kernel>, Frame, Memory> {
   using group_type = landmark_factors<Factor, Kernel>;
   static constexpr bool with_landmarks = true, own_landmark_factors = true;
 
-  explicit resident_group(std::pmr::memory_resource* r) : entries_(r), rows_(r) {}
+  resident_group(std::pmr::memory_resource* r, std::pmr::memory_resource*) : entries_(r), rows_(r) {}
 
   static bool check(const group_type& g, int frames, int landmarks) {
     require(g.landmark.size() == g.frame.size(), "landmark.size()", g.landmark.size(), "must be that of frame");
@@ -117,7 +117,7 @@ class resident_frame_group {
   using kernel = decltype(Group::kernel);
   static constexpr bool with_landmarks = false, own_landmark_factors = false;
 
-  explicit resident_frame_group(std::pmr::memory_resource* r) : first_(r), second_(r), rows_(r) {}
+  resident_frame_group(std::pmr::memory_resource* r, std::pmr::memory_resource*) : first_(r), second_(r), rows_(r) {}
 
   static bool check(const Group& g, int frames, int) {
     const auto [first, second] = frames_of(g);

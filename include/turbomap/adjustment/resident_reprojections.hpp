@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "../array.hpp"
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../plain_vector.hpp"
@@ -27,8 +28,9 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
   using group_type = reprojections<Camera, Kernel>;
   static constexpr bool with_landmarks = true, own_landmark_factors = false;
 
-  explicit resident_group(std::pmr::memory_resource* r)
-      : cameras_(r), entries_(r), u_(r), v_(r), u_right_(r), information_(r) {}
+  /// \param staging  see context::staging_resource()
+  resident_group(std::pmr::memory_resource* r, std::pmr::memory_resource* staging)
+      : cameras_(r), entries_(r), rows_(staging), resident_rows_(r) {}
 
   static bool check(const group_type& g, int frames, int landmarks) {
     const std::size_t n = g.frame.size();
@@ -83,16 +85,17 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
       cameras_.host().push_back(adjustment_camera<Camera>(g.rig[c], g.stereo_correlation));
       cameras_.host().back().nearest = g.nearest * place.distance;
     }
-    for (auto* a : {&u_, &v_, &u_right_, &information_}) a->host().resize(s.source.size());
+    stride_ = s.source.size();
+    rows_.resize_discard(row_size * stride_);
     for (const auto& c : s.chunks)
       for (int i = c.begin;
            i < c.begin + (c.count + observation_padding - 1) / observation_padding * observation_padding; ++i) {
         const auto e = static_cast<std::size_t>(i), o = static_cast<std::size_t>(s.source[e]);
-        u_.host()[e] = g.pixel[o].x, v_.host()[e] = g.pixel[o].y;
-        u_right_.host()[e] = c.kind % 2 == 1 ? g.pixel[o].z : 0;
-        information_.host()[e] = i < c.begin + c.count ? g.information[o] : 0;
+        rows_.data()[e] = g.pixel[o].x, rows_.data()[stride_ + e] = g.pixel[o].y;
+        rows_.data()[2 * stride_ + e] = c.kind % 2 == 1 ? g.pixel[o].z : 0;
+        rows_.data()[3 * stride_ + e] = i < c.begin + c.count ? g.information[o] : 0;
       }
-    cameras_.send(policy), u_.send(policy), v_.send(policy), u_right_.send(policy), information_.send(policy);
+    cameras_.send(policy), resident_rows_.send(policy, rows_.data(), rows_.size());
     entries_.send(policy, s);
   }
 
@@ -139,9 +142,9 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
     const vec3<double> X = T * landmarks[static_cast<std::size_t>(landmark)];
     lane_reprojection<double, double, 1> r{};
     r.template compute<true, Stereo>(cameras_.host()[static_cast<std::size_t>(c.kind / 2)], {P(X.x), P(X.y), P(X.z)},
-                                     {P(u_.host()[i]), P(v_.host()[i]), P(u_right_.host()[i])});
+                                     {P(row(0)[i]), P(row(1)[i]), P(row(2)[i])});
     if (!(r.defined.v[0] > 0)) return;
-    const double information = information_.host()[i];
+    const double information = row(3)[i];
     double chi2 = 0, rho = 0, weight = 0, by_landmark[3 * size], by_frame[6 * size];
     for (int k = 0; k < size; ++k) chi2 += information * r.e[k].v[0] * r.e[k].v[0];
     (Stereo ? stereo_ : mono_)(chi2, rho, weight);
@@ -159,14 +162,20 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
     reprojection_view<Camera, Kernel> v{};
     entries_.point(v);
     v.cameras = cameras_.data();
-    v.u = u_.data(), v.v = v_.data(), v.u_right = u_right_.data(), v.information = information_.data();
+    const double* row = resident_rows_.data();
+    v.u = row, v.v = row + stride_, v.u_right = row + 2 * stride_, v.information = row + 3 * stride_;
     v.mono = mono_, v.stereo = stereo_, v.undefined_chi2 = undefined_chi2_, v.first_chunk = first_chunk_;
     return v;
   }
 
   uploaded<adjustment_camera<Camera>, Memory> cameras_;
   resident_entries<Memory> entries_;
-  uploaded<double, Memory> u_, v_, u_right_, information_;
+  /// u, v, u_right, information of all entries, one after the other, sent at once.
+  const double* row(std::size_t k) const { return rows_.data() + k * stride_; }
+  static constexpr std::size_t row_size = 4;
+  array<double, host_memory> rows_;
+  resident_copy<double, Memory> resident_rows_;
+  std::size_t stride_ = 0;
   plain_vector<std::uint8_t> kind_;
   Kernel mono_{}, stereo_{};
   double undefined_chi2_ = 0;

@@ -34,19 +34,24 @@ class window_measurements {
   using camera = typename map_traits<Map>::camera;
   using view = keyframe_view<descriptor, camera>;
 
-  explicit window_measurements(const context<Policy>& ctx) : inputs_(ctx.resource()) {}
+  explicit window_measurements(const context<Policy>& ctx)
+      : inputs_(ctx.resource()),
+        pixel_(ctx.staging_resource()),
+        information_(ctx.staging_resource()),
+        camera_(ctx.staging_resource()),
+        rigs_(ctx.staging_resource()) {}
 
   /// Waits for the end. \param scales  information of a keypoint: scale_factor^(-2 octave) px^-2
   /// \throws std::invalid_argument  a keypoint that the keyframe in the store does not have; more than 256 cameras
   void gather(const mapping_scope<Map, Policy>& s, const adjustment_window<Map>& window, const pyramid& scales) {
     const std::size_t rows = window.row_count();
-    pixel_.resize(rows), information_.resize(rows), camera_.resize(rows);
+    pixel_.resize_discard(rows), information_.resize_discard(rows), camera_.resize_discard(rows);
     cameras_.clear(), first_camera_.clear(), starts_.clear();
     in_pieces(window.frames().size(),
               [&](std::size_t begin, std::size_t end) { gather_frames(s, window, scales, begin, end); });
     for (std::size_t r = 0; r < rows; ++r) {
-      const std::size_t camera = first_camera_[static_cast<std::size_t>(window.frame_of_row()[r])] + camera_[r];
-      camera_[r] = static_cast<std::uint8_t>(camera);
+      const std::size_t camera = first_camera_[static_cast<std::size_t>(window.frame_of_row()[r])] + camera_.data()[r];
+      camera_.data()[r] = static_cast<std::uint8_t>(camera);
     }
   }
 
@@ -61,17 +66,18 @@ class window_measurements {
     return rows;
   }
 
-  const plain_vector<vec3<double>>& pixel() const { return pixel_; }
-  const plain_vector<double>& information() const { return information_; }
-  const plain_vector<std::uint8_t>& camera_of_row() const { return camera_; }
+  span<const vec3<double>> pixel() const { return pixel_; }
+  span<const double> information() const { return information_; }
+  span<const std::uint8_t> camera_of_row() const { return camera_; }
   rig_view<camera> cameras() const { return {cameras_.data(), static_cast<int>(cameras_.size())}; }
   bool is_stereo(std::size_t row) const {
-    return pixel_[row].z >= 0 && detail::is_finite(pixel_[row].z) && cameras_[camera_[row]].bf > 0;
+    const double u_right = pixel_.data()[row].z;
+    return u_right >= 0 && detail::is_finite(u_right) && cameras_[camera_.data()[row]].bf > 0;
   }
   /// Whether its camera sees only what is before it. Others, as fisheyes, may see beyond 90 degrees, where depth is negative.
   bool is_straight(std::size_t row) const {
     pinhole<double> unused;
-    return as_pinhole(cameras_[camera_[row]].camera, unused);
+    return as_pinhole(cameras_[camera_.data()[row]].camera, unused);
   }
 
  private:
@@ -107,7 +113,8 @@ class window_measurements {
             piece_camera_.data());
       for (std::size_t i = 0; i < rows; ++i) {
         const std::size_t r = place_[i];
-        pixel_[r] = piece_pixel_[i], information_[r] = piece_information_[i], camera_[r] = piece_camera_[i];
+        pixel_.data()[r] = piece_pixel_[i], information_.data()[r] = piece_information_[i];
+        camera_.data()[r] = piece_camera_[i];
       }
     }
     list_cameras(most);
@@ -143,7 +150,7 @@ class window_measurements {
     fill_bytes(ctx.policy(), rigs, 0, cameras * sizeof(rig_camera<camera>));  // rigs with fewer cameras leave places
     launch_gather_measurements(ctx.policy(), static_cast<int>(rows), out);
     launch_gather_rigs(ctx.policy(), static_cast<int>(frames), out.frames, rigs, most);
-    rigs_.resize(cameras);
+    rigs_.resize_discard(cameras);
     copy_out(ctx.policy(), pixel, out.pixel, rows * sizeof(vec3<double>));
     copy_out(ctx.policy(), information, out.information, rows * sizeof(double));
     copy_out(ctx.policy(), camera_of_row, out.camera, rows);
@@ -187,11 +194,11 @@ class window_measurements {
   plain_vector<vec3<double>> piece_pixel_;
   plain_vector<double> piece_information_;
   plain_vector<std::uint8_t> piece_camera_;
-  plain_vector<vec3<double>> pixel_;
-  plain_vector<double> information_;
-  plain_vector<std::uint8_t> camera_;
-  plain_vector<rig_camera<camera>> rigs_;     ///< [frame][most]
-  plain_vector<rig_camera<camera>> cameras_;  ///< of the distinct rigs
+  array<vec3<double>, host_memory> pixel_;
+  array<double, host_memory> information_;
+  array<std::uint8_t, host_memory> camera_;
+  array<rig_camera<camera>, host_memory> rigs_;  ///< [frame][most]
+  plain_vector<rig_camera<camera>> cameras_;     ///< of the distinct rigs
   plain_vector<rig_place> starts_;
   plain_vector<std::size_t> first_camera_;  ///< of each frame
 };

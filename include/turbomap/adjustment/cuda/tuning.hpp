@@ -52,6 +52,19 @@ struct adjust_poses_tuning {
   static constexpr int warps = 8;
 };
 
+/// launch_list_blocks: a warp per two of up to `frames` free frames, whose table of slots has a row each; one block scans the
+/// lengths of their lists.
+struct list_blocks_tuning {
+  static constexpr int threads = 256;
+  static constexpr int scan_threads = 1024;
+  static constexpr int frames = 128;
+};
+
+/// launch_sum_step, launch_survey_frames: one block, which has some thousands of numbers to add up.
+struct sum_step_tuning {
+  static constexpr int threads = 1024;
+};
+
 /// launch_solve_dense: a block of 16 warps; a warp per column where it substitutes back. Systems of up to `unknowns` (25 frames
 /// of 15, 64 of 6), whose columns fit the 64 KiB of shared memory that every device has; larger ones the host solves.
 struct solve_dense_tuning {

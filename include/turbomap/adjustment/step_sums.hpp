@@ -1,0 +1,67 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What adjust() judges a step by: the cost at the trial estimate and the decrease that the quadratic model promised. A policy
+/// whose memory the host does not read may sum both where they are, and hand over these few numbers; then the host enqueues
+/// what most likely comes next before it waits for them.
+
+#include <cstddef>
+#include <cstdint>
+
+#include "../config.hpp"
+#include "../memory.hpp"
+#include "damping.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// What a step is judged by.
+struct step_report {
+  double cost;       ///< of the trial estimate
+  double undefined;  ///< observations without a projection there
+  double predicted;  ///< the decrease that the quadratic model promises
+  double solved;     ///< 0: the system had no solution, and the other numbers mean nothing
+};
+
+/// What it is summed from, in the memory of the policy.
+struct step_parts {
+  const double* costs = nullptr;  ///< partial costs, then as many counts of what is not defined
+  std::size_t cost_count = 0;
+  const double* gains = nullptr;  ///< of the landmarks; null: there is no step, `predicted` is 0
+  std::size_t gain_count = 0;
+  const double *step = nullptr, *b = nullptr, *H = nullptr;  ///< of the free frames
+  std::size_t unknowns = 0;
+  const double* solved = nullptr;  ///< null: it was
+  turbomap::damping damping{0};
+};
+
+/// Of the normal equations of the first linearisation.
+struct survey_report {
+  double largest;       ///< diagonal element
+  double undetermined;  ///< unknowns of free frames that no factor depends on
+};
+
+/// A result in host memory that the policy can write, and whether it is there.
+template <class Report>
+struct awaited {
+  Report report;
+  std::int32_t ready;
+};
+
+/// Sums a step where the policy computes, into `to`, which wait_for() waits for. Only for policies whose memory the host does not
+/// read: see cuda/sum_step.cuh. \tparam D  unknowns of a frame
+template <int D, class Derived>
+void launch_sum_step(const thrust::execution_policy<Derived>& policy, const step_parts& parts,
+                     awaited<step_report>* to);
+
+/// Looks at the first linearisation. \param diagonal  largest diagonal element of each landmark; null: not asked for
+template <int D, class Derived>
+void launch_survey_frames(const thrust::execution_policy<Derived>& policy, const double* diagonal, int landmarks,
+                          const double* H, int free_frames, awaited<survey_report>* to);
+
+TURBOMAP_END_NAMESPACE
+
+#if TURBOMAP_HAS_CUDA
+#include "cuda/sum_step.cuh"
+#endif
