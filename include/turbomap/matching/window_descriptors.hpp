@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <utility>
 
 #include "../config.hpp"
 #include "../descriptor/binary.hpp"
@@ -63,17 +64,18 @@ struct window_descriptors<binary_descriptor<Bits>> {
   std::size_t capacity;
 
   void set(std::size_t k, const element* descriptor) const {
-    for (std::size_t w = 0; w < words; ++w) {
-      element* const to = data + (w * (capacity + lanes) + k) * 4;
-      const std::size_t left = bytes - 4 * w;
+    constexpr std::size_t whole = bytes / 4;
+    for (std::size_t w = 0; w < whole; ++w) std::memcpy(data + (w * (capacity + lanes) + k) * 4, descriptor + 4 * w, 4);
+    if constexpr (whole < words) {
+      element* const to = data + (whole * (capacity + lanes) + k) * 4;
       std::memset(to, 0, 4);
-      std::memcpy(to, descriptor + 4 * w, left < 4 ? left : 4);
+      std::memcpy(to, descriptor + 4 * whole, bytes % 4);
     }
   }
   template <class Most, class Consider>
   void visit_near(const element* query, std::int32_t begin, std::int32_t end, Most most, Consider consider) const {
     for (std::int32_t k = begin; k < end; k += lanes) {
-      const __m256i distance = distances(query, static_cast<std::size_t>(k));
+      const __m256i distance = distances(query, static_cast<std::size_t>(k), std::make_index_sequence<words>());
       const __m256i far = _mm256_cmpgt_epi32(distance, _mm256_set1_epi32(most()));
       auto near = ~static_cast<unsigned>(_mm256_movemask_ps(_mm256_castsi256_ps(far))) & 0xFFU;
       if (end - k < static_cast<std::int32_t>(lanes)) near &= (1U << (end - k)) - 1;
@@ -88,31 +90,34 @@ struct window_descriptors<binary_descriptor<Bits>> {
   }
 
  private:
-  /// Of the query to candidates k to k + 7.
-  __m256i distances(const element* query, std::size_t k) const {
-    const element* row = data + k * 4;
-    __m256i sum = _mm256_setzero_si256();
-    [[maybe_unused]] __m256i bytes_sum = sum;
-    for (std::size_t w = 0; w < words; ++w, row += (capacity + lanes) * 4) {
-      std::int32_t word = 0;
-      std::memcpy(&word, query + 4 * w, bytes - 4 * w < 4 ? bytes - 4 * w : 4);
-      __m256i candidates;
-      std::memcpy(&candidates, row, sizeof candidates);
-      const __m256i differ = _mm256_xor_si256(candidates, _mm256_set1_epi32(word));
-#if defined(__AVX512VPOPCNTDQ__) && defined(__AVX512VL__)
-      sum = _mm256_add_epi32(sum, _mm256_popcnt_epi32(differ));
-#else
-      bytes_sum = _mm256_add_epi8(bytes_sum, bits_of_bytes(differ));
-      if (w % 31 == 30 || w + 1 == words) {  // a byte counts 8 bits per word: 31 words fit
-        const __m256i halves = _mm256_maddubs_epi16(bytes_sum, _mm256_set1_epi8(1));
-        sum = _mm256_add_epi32(sum, _mm256_madd_epi16(halves, _mm256_set1_epi16(1)));
-        bytes_sum = _mm256_setzero_si256();
-      }
-#endif
-    }
+  /// Of the query to candidates k to k + 7. A fold, not a loop: compilers unroll it at every level.
+  template <std::size_t... Words>
+  __m256i distances(const element* query, std::size_t k, std::index_sequence<Words...>) const {
+    __m256i sum = _mm256_setzero_si256(), in_bytes = sum;
+    (add_word<Words>(query, k, sum, in_bytes), ...);
     return sum;
   }
-  static __m256i bits_of_bytes(__m256i v) {
+  template <std::size_t Word>
+  [[gnu::always_inline]] void add_word(const element* query, std::size_t k, __m256i& sum,
+                                       [[maybe_unused]] __m256i& in_bytes) const {
+    constexpr std::size_t left = bytes - 4 * Word;
+    std::int32_t word = 0;
+    std::memcpy(&word, query + 4 * Word, left < 4 ? left : 4);
+    __m256i candidates;
+    std::memcpy(&candidates, data + (Word * (capacity + lanes) + k) * 4, sizeof candidates);
+    const __m256i differ = _mm256_xor_si256(candidates, _mm256_set1_epi32(word));
+#if defined(__AVX512VPOPCNTDQ__) && defined(__AVX512VL__)
+    sum = _mm256_add_epi32(sum, _mm256_popcnt_epi32(differ));
+#else
+    in_bytes = _mm256_add_epi8(in_bytes, bits_of_bytes(differ));
+    if constexpr (Word % 31 == 30 || Word + 1 == words) {  // a byte counts 8 bits per word: 31 words fit
+      const __m256i halves = _mm256_maddubs_epi16(in_bytes, _mm256_set1_epi8(1));
+      sum = _mm256_add_epi32(sum, _mm256_madd_epi16(halves, _mm256_set1_epi16(1)));
+      in_bytes = _mm256_setzero_si256();
+    }
+#endif
+  }
+  [[gnu::always_inline]] static __m256i bits_of_bytes(__m256i v) {
     const __m256i bits = _mm256_setr_epi8(0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4, 0, 1, 1, 2, 1, 2, 2, 3, 1, 2,
                                           2, 3, 2, 3, 3, 4);
     const __m256i low = _mm256_set1_epi8(15);
