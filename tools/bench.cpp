@@ -10,6 +10,8 @@
 
 #include <CLI/CLI.hpp>
 
+#include <turbomap/io/recording.hpp>
+
 #include "bench/machine.hpp"
 #include "bench/run.hpp"
 #include "host_policy.hpp"
@@ -28,7 +30,8 @@ turbomap::recording simulated_recording() {
 }
 
 nlohmann::json run(const turbomap_bench::arguments& a, std::string& machine) {
-  const turbomap::recording recording = simulated_recording();
+  const turbomap::recording recording =
+      a.recording.empty() ? simulated_recording() : turbomap::read_recording(a.recording);
 #if defined(TURBOMAP_PROGRAM_WITH_CUDA)
   if (a.policy == "cuda") {
     std::string device;
@@ -49,7 +52,11 @@ int main(int argc, char** argv) try {
   app.footer(
       "Examples:\n"
       "  turbomap-bench                      all stages, sequential\n"
-      "  turbomap-bench --policy omp --json bench.json");
+      "  turbomap-bench --policy omp --json bench.json\n"
+      "  turbomap-bench --recording recordings/euroc_v102_stereo");
+  app.add_option(
+      "--recording", a.recording,
+      "a recording with snapshots: the searches on what it recorded, in place of every stage on a simulated one");
   app.add_option("--policy", a.policy, "execution policy")->check(CLI::IsMember({"seq", "omp", "tbb", "cuda"}));
   app.add_option("--json", a.json, "write the result to this file");
   app.add_option("--repetitions", a.repetitions, "samples of each stage, at least 30 to quote them")

@@ -42,10 +42,6 @@ struct stage_floor {
   nlohmann::json json() const { return {{"distances", distances}, {"transforms", transforms}, {"bytes", bytes}}; }
 };
 
-inline void require_same(bool same, const char* stage) {
-  if (!same) throw std::runtime_error(std::string(stage) + ": the result differs from the oracle's");
-}
-
 /// The query's points in its targets and theirs in it, searched and committed; each time on a map of its own.
 template <class Policy>
 nlohmann::json time_fusion(map_scene<Policy>& scene, int repetitions, double distance_ms) {

@@ -10,12 +10,16 @@
 #include <cstdint>
 #include <functional>
 #include <numeric>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
+#include <turbomap/matching/epipolar.hpp>
 #include <turbomap/math/linear.hpp>
+
+#include "reference/search_oracle.hpp"
 
 #include "replay/recorded_keyframes.hpp"
 
@@ -25,10 +29,48 @@ using turbomap_replay::orb;
 using fisheye = turbomap::kannala_brandt<float>;
 using posed = turbomap::posed_keyframe<orb, fisheye>;
 
+/// Unless the results are the same. \throws std::runtime_error  naming the stage
+inline void require_same(bool same, const char* stage) {
+  if (!same) throw std::runtime_error(std::string(stage) + ": the result differs from the oracle's");
+}
+
+/// Pairs of unmapped keypoints in equal words, and pairs that pass the epipolar test: what has to be compared at least.
+template <class Camera>
+void count_pairs(const turbomap::posed_keyframe<orb, Camera>& query,
+                 turbomap::span<const turbomap::posed_keyframe<orb, Camera>> neighbours,
+                 const turbomap::search_options& options, double& in_words, double& consistent) {
+  float scale[256], sigma2[256];
+  for (int o = 0; o < 256; ++o) {
+    scale[o] = o == 0 ? 1 : scale[o - 1] * options.scales.scale_factor;
+    sigma2[o] = scale[o] * scale[o];
+  }
+  const auto query_groups = turbomap_test::groups_of(query.view);
+  for (const auto& n : neighbours) {
+    const auto groups = turbomap_test::groups_of(n.view);
+    for (int i = 0; i < query.view.keypoint_count; ++i) {
+      if (query.has_point[static_cast<std::size_t>(i)] != 0) continue;
+      for (int b = 0; b < n.view.camera_count; ++b) {
+        const auto pair = turbomap::make_pair_geometry(query.view.cameras[query.view.camera_of(i)], query.T_cw,
+                                                       n.view.cameras[b], n.T_cw, false);
+        const auto epipolar = turbomap::make_query_epipolar(pair, query.view, i);
+        for (int j = 0; j < n.view.keypoint_count; ++j) {
+          if (n.has_point[static_cast<std::size_t>(j)] != 0 || n.view.camera_of(j) != b) continue;
+          consistent +=
+              turbomap::epipolar_consistent(pair, epipolar, query.view, i, n.view, j, sigma2, scale, options) ? 1 : 0;
+          const auto group = groups[static_cast<std::size_t>(j)];
+          in_words +=
+              group != turbomap::keypoint::no_group && query_groups[static_cast<std::size_t>(i)] == group ? 1 : 0;
+        }
+      }
+    }
+  }
+}
+
 /// What a run is asked to do.
 struct arguments {
   std::string policy = "seq";
   std::string json;
+  std::string recording;  ///< a folder; empty: a simulated one
   int repetitions = 31;
 };
 
@@ -65,7 +107,8 @@ inline nlohmann::json interleave(int repetitions, const std::function<void()>& o
 }
 
 /// Milliseconds that one core needs for `pairs` Hamming distances of 256 bits and nothing else, read as a stream.
-inline double distance_floor_ms(const turbomap::keyframe_view<orb, fisheye>& view, double pairs) {
+template <class Camera>
+double distance_floor_ms(const turbomap::keyframe_view<orb, Camera>& view, double pairs) {
   volatile std::int32_t sink = 0;  // or the compiler would leave the work out
   std::vector<double> samples;
   const int passes = 200;

@@ -3,15 +3,20 @@
 #pragma once
 
 /// \file
-/// One run of turbomap-bench under each policy, on a recording that the caller simulated.
+/// One run of turbomap-bench under each policy: every stage on a recording that the caller simulated, or the searches on one that was
+/// recorded.
 
+#include "recorded_stages.hpp"
 #include "stages.hpp"
 
 namespace turbomap_bench {
 
 template <class Policy>
 nlohmann::json run(const Policy& policy, const turbomap::recording& recording, const arguments& a) {
-  return run_stages(policy, recording, a.repetitions);
+  if (a.recording.empty()) return run_stages(policy, recording, a.repetitions);
+  return recording.meta.is_fisheye()
+             ? run_recorded_stages<fisheye>(policy, recording, a.recording, a.repetitions)
+             : run_recorded_stages<turbomap::pinhole<float>>(policy, recording, a.recording, a.repetitions);
 }
 
 /// Implemented in cuda/bench_cuda.cu where there is CUDA. Throws std::runtime_error without a device.

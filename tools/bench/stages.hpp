@@ -26,36 +26,6 @@
 
 namespace turbomap_bench {
 
-/// Pairs of unmapped keypoints in equal words, and pairs that pass the epipolar test: what has to be compared at least.
-inline void count_pairs(const posed& query, turbomap::span<const posed> neighbours,
-                        const turbomap::search_options& options, double& in_words, double& consistent) {
-  float scale[256], sigma2[256];
-  for (int o = 0; o < 256; ++o) {
-    scale[o] = o == 0 ? 1 : scale[o - 1] * options.scales.scale_factor;
-    sigma2[o] = scale[o] * scale[o];
-  }
-  const auto query_groups = turbomap_test::groups_of(query.view);
-  for (const posed& n : neighbours) {
-    const auto groups = turbomap_test::groups_of(n.view);
-    for (int i = 0; i < query.view.keypoint_count; ++i) {
-      if (query.has_point[static_cast<std::size_t>(i)] != 0) continue;
-      for (int b = 0; b < n.view.camera_count; ++b) {
-        const auto pair = turbomap::make_pair_geometry(query.view.cameras[query.view.camera_of(i)], query.T_cw,
-                                                       n.view.cameras[b], n.T_cw, false);
-        const auto epipolar = turbomap::make_query_epipolar(pair, query.view, i);
-        for (int j = 0; j < n.view.keypoint_count; ++j) {
-          if (n.has_point[static_cast<std::size_t>(j)] != 0 || n.view.camera_of(j) != b) continue;
-          consistent +=
-              turbomap::epipolar_consistent(pair, epipolar, query.view, i, n.view, j, sigma2, scale, options) ? 1 : 0;
-          const auto group = groups[static_cast<std::size_t>(j)];
-          in_words +=
-              group != turbomap::keypoint::no_group && query_groups[static_cast<std::size_t>(i)] == group ? 1 : 0;
-        }
-      }
-    }
-  }
-}
-
 /// Runs every stage under the policy. `host` views serve the oracle, `resident` ones the policy.
 template <class Policy>
 nlohmann::json run_stages(const Policy& policy, const turbomap::recording& recording, int repetitions) {

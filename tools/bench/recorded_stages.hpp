@@ -1,0 +1,213 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The searches of turbomap-bench on recorded inputs: what the recorded system searched in each of its snapshots, with its masks, poses
+/// and map points. Milliseconds are those of one snapshot, means over all.
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <stdexcept>
+#include <vector>
+
+#include <thrust/execution_policy.h>
+
+#include <nlohmann/json.hpp>
+
+#include "reference/creation_oracle.hpp"
+#include "reference/projection_oracle.hpp"
+#include "reference/search_oracle.hpp"
+
+#include <turbomap/fusion/duplicate_search.hpp>
+#include <turbomap/matching/correspondence_search.hpp>
+#include <turbomap/matching/point_creation.hpp>
+
+#include "map_stages.hpp"
+#include "measure.hpp"
+#include "replay/check_fusion.hpp"
+#include "replay/recorded_scene.hpp"
+
+namespace turbomap_bench {
+
+/// The inputs of one snapshot, as the views of a scene give them.
+template <class Camera, class Policy>
+struct recorded_inputs {
+  using posed_type = turbomap::posed_keyframe<orb, Camera>;
+  using target = turbomap::duplicate_target<orb, Camera>;
+  struct fusion_pass {
+    turbomap_replay::gathered_points points;
+    std::vector<std::uint8_t> skip;  ///< [target][camera][point]
+    std::vector<target> targets;
+  };
+
+  recorded_inputs(turbomap_replay::recorded_scene<Camera, Policy>& scene, const turbomap::recording_snapshot& s)
+      : at(scene, s), query(at.at(s.keyframe, s.mask1(0))) {
+    for (std::size_t i = 0; i < s.search.neighbours.size(); ++i)
+      if (s.search.skipped[i] == 0) neighbours.push_back(at.at(s.search.neighbours[i], s.mask2(i)));
+    if (!s.fusion) return;
+    add_pass(*s.fusion, s.fusion->forward, s.fusion->targets);
+    add_pass(*s.fusion, s.fusion->backward, {s.keyframe});
+  }
+  recorded_inputs(const recorded_inputs&) = delete;
+  recorded_inputs& operator=(const recorded_inputs&) = delete;
+
+  turbomap_replay::snapshot_scene<Camera, Policy> at;
+  posed_type query;
+  std::vector<posed_type> neighbours;
+  std::deque<fusion_pass> passes;  ///< targets refer to their pass
+
+ private:
+  void add_pass(const turbomap::fusion_snapshot& f, const turbomap::recorded_batch& batch,
+                const std::vector<std::int32_t>& keyframes) {
+    const std::size_t block = f.cameras * batch.state.size();
+    if (block == 0) return;
+    passes.push_back({turbomap_replay::gathered_points(f.states, batch.state), {}, {}});
+    auto& pass = passes.back();
+    // 2, 3: the point was dead, or in the keyframe already.
+    for (const std::uint8_t code : batch.found.code) pass.skip.push_back(code == 2 || code == 3 ? 1 : 0);
+    for (std::size_t t = 0; t < keyframes.size(); ++t)
+      pass.targets.push_back({at.view(keyframes[t]), at.T_cw(keyframes[t]), {pass.skip.data() + t * block, block}});
+  }
+};
+
+/// Times of a whole recording as those of one snapshot.
+inline nlohmann::json per_snapshot(nlohmann::json times, std::size_t snapshots) {
+  for (const char* key : {"ms_median", "oracle_ms_median", "floor_ms"})
+    times[key] = times[key].get<double>() / static_cast<double>(snapshots);
+  times["snapshots"] = snapshots;
+  return times;
+}
+
+/// Runs the searches on every snapshot of a recording. `host` views serve the oracles, `resident` ones the policy.
+template <class Camera, class Policy>
+nlohmann::json run_recorded_stages(const Policy& policy, const turbomap::recording& recording,
+                                   const std::string& folder, int repetitions) {
+  using host_policy = thrust::detail::seq_t;
+  using posed_type = turbomap::posed_keyframe<orb, Camera>;
+  turbomap_replay::recorded_scene<Camera, Policy> scene(recording, policy);
+  turbomap_replay::recorded_scene<Camera, host_policy> host_scene(recording, thrust::seq);
+  std::deque<turbomap::recording_snapshot> snapshots;
+  std::deque<recorded_inputs<Camera, Policy>> resident;
+  std::deque<recorded_inputs<Camera, host_policy>> host;
+  for (const std::int32_t iteration : recording.meta.snapshots) {
+    snapshots.push_back(turbomap::read_snapshot(recording, folder, iteration));
+    resident.emplace_back(scene, snapshots.back());
+    host.emplace_back(host_scene, snapshots.back());
+  }
+  if (snapshots.empty()) throw std::runtime_error(folder + ": has no snapshots");
+  const std::size_t count = snapshots.size();
+  const double distance_ms = distance_floor_ms(host[0].query.view, 1);
+  nlohmann::json stages;
+
+  turbomap::correspondences<orb, Camera, Policy> matches(scene.ctx);
+  typename turbomap::correspondences<orb, Camera, Policy>::plan_type plan;
+  const auto options_of = [&](turbomap::candidates set) {
+    turbomap::search_options options;
+    options.scales = recording.meta.pyramid();
+    options.candidate_set = set;
+    return options;
+  };
+  const auto search = [&](std::size_t s, turbomap::candidates set) {
+    turbomap::search_correspondences(scene.ctx, resident[s].query,
+                                     turbomap::span<const posed_type>(resident[s].neighbours), options_of(set),
+                                     matches);
+  };
+  const auto search_by_definition = [&](std::size_t s, turbomap::candidates set) {
+    return turbomap_test::search_oracle(host[s].query, turbomap::span<const posed_type>(host[s].neighbours),
+                                        options_of(set));
+  };
+  double in_words = 0, consistent = 0;
+  for (std::size_t s = 0; s < count; ++s)
+    count_pairs(host[s].query, turbomap::span<const posed_type>(host[s].neighbours),
+                options_of(turbomap::candidates::exhaustive), in_words, consistent);
+  const auto time_search = [&](const char* name, turbomap::candidates set, double pairs) {
+    for (std::size_t s = 0; s < count; ++s) {
+      search(s, set);
+      matches.plan(scene.ctx, plan);
+      require_same(plan.size() == search_by_definition(s, set).size(), name);
+    }
+    const auto ours = [&] {
+      for (std::size_t s = 0; s < count; ++s) {
+        search(s, set);
+        matches.plan(scene.ctx, plan);
+      }
+    };
+    const auto oracle = [&] {
+      for (std::size_t s = 0; s < count; ++s) search_by_definition(s, set);
+    };
+    stages[name] = per_snapshot(interleave(repetitions, ours, oracle, distance_ms * pairs), count);
+  };
+  time_search("search_grouped", turbomap::candidates::grouped, in_words);
+  time_search("search_exact", turbomap::candidates::epipolar_ordered, consistent);
+
+  // Each snapshot's matches stay while its points are created again and again.
+  turbomap::point_creation<Policy> creation(scene.ctx);
+  std::vector<turbomap::created_point> points;
+  turbomap::creation_options creating;
+  creating.scales = recording.meta.pyramid();
+  nlohmann::json sum = nlohmann::json::object();
+  for (std::size_t s = 0; s < count; ++s) {
+    search(s, turbomap::candidates::epipolar_ordered);
+    const auto expected = search_by_definition(s, turbomap::candidates::epipolar_ordered);
+    const nlohmann::json one = interleave(
+        repetitions,
+        [&] {
+          turbomap::create_points(scene.ctx, matches, creating, creation);
+          creation.plan(scene.ctx, matches, points);
+        },
+        [&] {
+          turbomap_test::creation_oracle(host[s].query, turbomap::span<const posed_type>(host[s].neighbours), expected,
+                                         creating);
+        },
+        0);
+    for (const char* key : {"ms_median", "oracle_ms_median", "floor_ms"})
+      sum[key] = sum.value(key, 0.0) + one[key].get<double>();
+  }
+  sum["ratio"] = sum["oracle_ms_median"].get<double>() / sum["ms_median"].get<double>();
+  stages["creation"] = per_snapshot(sum, count);
+  stages["creation"].erase("floor_ms");
+
+  turbomap::duplicates<orb, Camera, Policy> duplicates(scene.ctx);
+  typename turbomap::duplicates<orb, Camera, Policy>::plan_type found;
+  turbomap::duplicate_options fusing;
+  fusing.scales = recording.meta.pyramid();
+  fusing.min_range_factor = 1;  // recorded minima include the factor
+  stage_floor floor;
+  const auto find = [&](auto& pass) {
+    using target = typename recorded_inputs<Camera, Policy>::target;
+    turbomap::find_duplicates(scene.ctx, pass.points.view(), turbomap::span<const target>(pass.targets), fusing,
+                              duplicates);
+    duplicates.plan(scene.ctx, found);
+  };
+  const auto find_by_definition = [&](auto& pass) {
+    using target = typename recorded_inputs<Camera, host_policy>::target;
+    return turbomap_test::projection_oracle<orb, Camera>(pass.points.view(), turbomap::span<const target>(pass.targets),
+                                                         fusing);
+  };
+  std::size_t passes = 0;
+  for (std::size_t s = 0; s < count; ++s)
+    for (std::size_t p = 0; p < resident[s].passes.size(); ++p, ++passes) {
+      find(resident[s].passes[p]);
+      std::size_t matched = 0;
+      for (const auto& t : find_by_definition(host[s].passes[p]))
+        matched += t.trial.outcome == turbomap::projection_outcome::matched ? 1 : 0;
+      require_same(matched == found.size(), "duplicates");
+      floor.distances += static_cast<double>(matched);
+      for (const std::uint8_t skip : host[s].passes[p].skip) floor.transforms += skip == 0 ? 1 : 0;
+    }
+  if (passes == 0) return stages;
+  const auto ours = [&] {
+    for (auto& inputs : resident)
+      for (auto& pass : inputs.passes) find(pass);
+  };
+  const auto oracle = [&] {
+    for (auto& inputs : host)
+      for (auto& pass : inputs.passes) find_by_definition(pass);
+  };
+  stages["duplicates"] = per_snapshot(interleave(repetitions, ours, oracle, floor.ms(distance_ms)), count);
+  return stages;
+}
+
+}  // namespace turbomap_bench
