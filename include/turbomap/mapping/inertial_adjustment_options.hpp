@@ -19,8 +19,8 @@ struct inertial_adjustment_options {
   /// Keyframes outside of the window hold its points in place: of each point the first one that is not there yet, in the order
   /// of its observations, until there are so many.
   int most_observers = 200;
-  /// Where the window begins with the map, fewer edges than this do not tell biases and gravity well: orientation and biases of
-  /// the first keyframe stay. Ours: as many as initialisation asks keyframes for.
+  /// Where the window begins with the map, fewer edges than this do not tell biases and gravity well: those of the first keyframe,
+  /// and its orientation, stay. Ours: as many as initialisation asks keyframes for.
   int fewest_edges = 10;
   double near_depth = 10;  ///< m: local_adjustment_options::near_depth
   /// s: a motion whose duration differs by more from the time between its keyframes is refused: it belongs to other ones. Ours:

@@ -22,8 +22,9 @@
 TURBOMAP_BEGIN_NAMESPACE
 
 /// An adjustment_window whose first frames, the *chain*, follow each other back in time from the current keyframe. The last of
-/// them is fixed: the keyframe before those that move. Where the map begins with them, the oldest one keeps its place; until there
-/// are options.fewest_edges, its orientation and biases too. So the map may turn until gravity points where the map says.
+/// them is fixed: the keyframe before those that move. Where the map begins with them, the oldest one keeps its pose, and until
+/// there are options.fewest_edges its biases. While the estimates are young (refined() of the traits), it keeps its place alone: the
+/// map may turn until gravity points where the map says.
 template <class Map>
 class inertial_window : public adjustment_window<Map> {
   using base = adjustment_window<Map>;
@@ -50,8 +51,9 @@ class inertial_window : public adjustment_window<Map> {
     if (begins_ && chain_ > 1) {
       this->fixed_[chain_ - 1] = 0;
       // Of a rotation gravity tells two parts, and heading is nobody's: nothing moves it.
-      const bool told = joined_ >= static_cast<std::size_t>(options.fewest_edges);
-      held_[chain_ - 1] |= told ? inertial_frame::hold_centre : inertial_frame::hold_pose | inertial_frame::hold_biases;
+      const bool told = joined_ >= static_cast<std::size_t>(options.fewest_edges), turns = told && !is_refined(s.map);
+      held_[chain_ - 1] |= turns ? inertial_frame::hold_centre : inertial_frame::hold_pose;
+      if (!told) held_[chain_ - 1] |= inertial_frame::hold_biases;
     }
     const std::size_t free = chain_ - (this->fixed_[chain_ - 1] != 0 ? 1 : 0);
     for (std::size_t f = 0; f < free; ++f) {
