@@ -1,0 +1,90 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Shrinks a recording while a command fails on it in the same way: runs the command on recordings of ever fewer keyframes.
+
+#include <cstddef>
+#include <cstdlib>
+#include <filesystem>
+#include <numeric>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <sys/wait.h>
+
+#include <turbomap/io/recording_writer.hpp>
+
+#include "keep_keyframes.hpp"
+#include "minimise.hpp"
+
+namespace turbomap_reduce {
+
+/// The path as one word of a shell command.
+inline std::string quoted(const std::filesystem::path& path) {
+  std::string text = "'";
+  for (const char c : path.string()) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return text + "'";
+}
+
+/// The exit status of a shell command, in which each `{}` stands for the recording; 128 and its number for a signal.
+inline int status_of(const std::string& command, const std::filesystem::path& recording) {
+  std::string text;
+  for (std::size_t at = 0; at < command.size();) {
+    const bool here = command.compare(at, 2, "{}") == 0;
+    text += here ? quoted(recording) : std::string(1, command[at]);
+    at += here ? 2 : 1;
+  }
+  const int result = std::system(text.c_str());
+  if (result == -1) throw std::runtime_error("no shell could be started");
+  return WIFEXITED(result) ? WEXITSTATUS(result) : 128 + WTERMSIG(result);
+}
+
+struct reduction {
+  std::vector<std::size_t> kept;  ///< keyframes of the recording that was given
+  int status = 0;                 ///< with which the command ends on `out`
+  std::size_t runs = 0;           ///< of the command
+};
+
+/// Writes to `out` the recording of the fewest keyframes found on which the command ends with `status` (negative: with what it ends
+/// with on the whole). `out` holds the smallest so far at any time, also of a reduction that is interrupted; beside it
+/// OUT.candidate is written and removed. `tell(reduction)` is called whenever it became smaller. Throws
+/// std::invalid_argument when the command does not fail on the whole.
+template <class Tell>
+reduction reduce(const turbomap::recording& whole, const std::string& command, const std::filesystem::path& out,
+                 int status, Tell tell) {
+  const std::filesystem::path candidate = out.string() + ".candidate";
+  reduction found;
+  const auto run = [&](const std::vector<std::size_t>& kept) {
+    std::filesystem::remove_all(candidate);
+    turbomap::write_recording(candidate, keep_keyframes(whole, kept));
+    ++found.runs;
+    return status_of(command, candidate);
+  };
+  const auto take = [&](const std::vector<std::size_t>& kept) {
+    std::filesystem::remove_all(out);
+    std::filesystem::rename(candidate, out);
+    found.kept = kept;
+    tell(found);
+  };
+  std::vector<std::size_t> all(whole.keyframe_count());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  found.status = run(all);
+  if (found.status == 0 || (status >= 0 && found.status != status)) {
+    std::filesystem::remove_all(candidate);
+    throw std::invalid_argument("the command ends with status " + std::to_string(found.status) +
+                                " on the whole recording: there is nothing to keep");
+  }
+  take(all);
+  minimise(all.size(), [&](const std::vector<std::size_t>& kept) {
+    const bool fails = run(kept) == found.status;
+    if (fails) take(kept);
+    return fails;
+  });
+  std::filesystem::remove_all(candidate);
+  return found;
+}
+
+}  // namespace turbomap_reduce
