@@ -157,6 +157,8 @@ int main(int argc, char** argv) try {
   app.add_option("--fusion-points", fused, "how well fusion's gate knows them")
       ->check(CLI::IsMember({"exact", "uncertain"}));
   app.add_flag("--queue", a.queue, "keyframes come in recorded time: stages are skipped while one waits");
+  auto* rate = app.add_option("--rate", a.rate, "--queue, with keyframes that come so many times as fast")
+                   ->check(CLI::PositiveNumber);
   app.add_option("--precision", a.numbers, "what adjustments compute in")
       ->check(CLI::IsMember({"float64", "mixed", "float32"}));
   app.add_option("--stereo-correlation", a.stereo_correlation,
@@ -191,6 +193,7 @@ int main(int argc, char** argv) try {
     throw;
   }
   if (!stages.empty()) choose_stages(stages, a);
+  a.queue = a.queue || rate->count() != 0;
   a.objects = map == "objects";
   a.global_end = global == "end";
   if (!global.empty() && !a.global_end) a.global_every = std::stoi(global);

@@ -54,6 +54,7 @@ struct arguments {
   bool uncertain_tracking = false;     ///< tracking's poses and gate know how well points are known
   bool uncertain_fusion = false;       ///< fusion's gate does
   bool queue = false;                  ///< in recorded time: stages are skipped while keyframes wait
+  double rate = 1;                     ///< ... times the recorded rate
   double deadline_ms = 0;              ///< per keyframe; 0: none
   int most_views = -1;                 ///< local_mapper_options::most_views; negative: its default
   int behind = 0;                      ///< so many first keyframes find the next one waiting

@@ -32,6 +32,7 @@ struct replay_row {
   turbomap::mapping_report report;
   double insertion_ms = 0;  ///< into the store, and tracking's associations: part of 'process'
   double total_ms = 0;
+  double latency_ms = 0;                                    ///< from its arrival, in recorded time, to its end
   std::size_t points = 0, keyframes = 0, observations = 0;  ///< in the map afterwards
   std::size_t points_seen = 0, views = 0;                   ///< the keyframe's points, and all their observations
 };
@@ -199,6 +200,7 @@ class replayer {
     row.total_ms = row.insertion_ms;
     for (const double ms : row.report.ms.values) row.total_ms += ms;
     clock_ms_ += row.total_ms;
+    row.latency_ms = clock_ms_ - arrival;
     turbomap::guard_times held;
     imu_.mapped(turbomap::mapping_scope<map_type, Policy>{ctx_, world_.map(), store_, mapper_.stored(), held}, current,
                 i, mapper_.options());
@@ -262,7 +264,8 @@ class replayer {
   }
 
   double arrival_ms(std::int32_t i) const {
-    return 1e-6 * static_cast<double>(recording_.t_ns[static_cast<std::size_t>(i)] - recording_.t_ns[0]);
+    return 1e-6 * static_cast<double>(recording_.t_ns[static_cast<std::size_t>(i)] - recording_.t_ns[0]) /
+           arguments_.rate;
   }
 
   turbomap::local_mapper_hooks<map_type> hooks() {

@@ -139,6 +139,11 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
             {"store_bytes_per_keyframe", result.store.bytes_per_keyframe}};
   for (const auto& s : stages) o.json["stages"][s.name] = s.json();
   if (arguments.imu) o.json["imu"] = result.imu;
+  if (arguments.queue) {
+    stage_samples latency{"latency", -1, {}};
+    for (const replay_row& row : rows) latency.ms.add(row.latency_ms);
+    o.json["rate"] = arguments.rate, o.json["latency"] = latency.json();
+  }
   if (skipped != 0)
     for (std::size_t s = 0; s < turbomap::mapping_stages; ++s)
       o.json["skipped_stages"][turbomap::to_string(static_cast<turbomap::mapping_stage>(s))] = skipped_stages.values[s];

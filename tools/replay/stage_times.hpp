@@ -6,6 +6,7 @@
 /// Times of the stages of a replay, and their table.
 
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <string>
 #include <vector>
@@ -32,10 +33,20 @@ struct stage_samples {
   turbomap::duration_statistics ms;
 
   double mean() const { return ms.mean(); }
+  /// Standard deviation of the samples; 0 of fewer than two.
+  double deviation() const {
+    const double center = mean();
+    double squares = 0;
+    for (const double t : ms.samples()) squares += (t - center) * (t - center);
+    return ms.count() < 2 ? 0 : std::sqrt(squares / static_cast<double>(ms.count() - 1));
+  }
   double quantile(double q) const { return ms.quantile(q); }
   nlohmann::json json() const {
-    nlohmann::json j = {
-        {"ms_mean", mean()}, {"ms_median", quantile(0.5)}, {"ms_p95", quantile(0.95)}, {"ms_max", quantile(1)}};
+    nlohmann::json j = {{"ms_mean", mean()},
+                        {"ms_std", deviation()},
+                        {"ms_median", quantile(0.5)},
+                        {"ms_p95", quantile(0.95)},
+                        {"ms_max", quantile(1)}};
     if (peer_ms_mean >= 0) j["peer_ms_mean"] = peer_ms_mean;
     return j;
   }
