@@ -27,20 +27,29 @@ import subprocess
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-RIGS = {"mono": ["--camera", "euroc", "--mono"], "stereo": ["--camera", "euroc"], "fisheye": ["--camera", "tum-vi"]}
+RIGS = {"mono": ["--camera", "euroc", "--mono"], "stereo": ["--camera", "euroc"], "fisheye": ["--camera", "tum-vi"],
+        "stereo-inertial": ["--camera", "euroc", "--imu"], "fisheye-inertial": ["--camera", "tum-vi", "--imu"]}
 VARIED = {"--creation": ["pairs", "tracks"], "--associate": ["recorded", "projected"]}  # values, the baseline first
 BOUND = 1.5  # the trajectory error that is asked for, times that of the batch adjustment
 
 
-def parse_arguments():
-    p = argparse.ArgumentParser(description=__doc__.split("\n\n")[0], allow_abbrev=False)
-    words = lambda text: [w for w in text.split(",") if w]
+def words(text):
+    return [w for w in text.split(",") if w]
+
+
+def common_arguments(description):
+    p = argparse.ArgumentParser(description=description, allow_abbrev=False)
     p.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/release/bin", help="folder of the programs")
     p.add_argument("--data", type=pathlib.Path, default=os.environ.get("TURBOMAP_DATA_DIR") or ROOT / "../shared/data",
                    help="folder of recordings/ and trajectories/, either of which may be missing")
     p.add_argument("--work", type=pathlib.Path, default=ROOT / "build/evaluation", help="folder for what is made")
+    return p
+
+
+def parse_arguments():
+    p = common_arguments(__doc__.split("\n\n")[0])
     p.add_argument("--jobs", type=int, default=1, help="replays at a time")
-    p.add_argument("--rigs", type=words, default=list(RIGS), help="of simulated recordings: " + ",".join(RIGS))
+    p.add_argument("--rigs", type=words, default=["mono", "stereo", "fisheye"], help="of simulated recordings: " + ",".join(RIGS))
     p.add_argument("--trajectories", type=words, default=None, help="'builtin' and names of DATA/trajectories; default: all")
     p.add_argument("--seeds", type=words, default=list("12345"))
     p.add_argument("--noise", type=words, default=["0.25", "0.5", "1"], help="px at the finest level")
@@ -122,11 +131,12 @@ def variants(replay, given):
     return made
 
 
-def replay(args, folder, options):
-    """The JSON of a replay, with 'failed' where it did not end well."""
+def replay(args, folder, options, policy=None, run="", growth=False, environment=None):
+    """The JSON of a replay, with 'failed' where it did not end well. `run` tells replays with the same options apart. With
+    `growth`, 'growth_file' names a CSV of times per keyframe."""
     program = str(args.bin / "turbomap-replay")
-    options = ["--policy", args.policy, *args.options.split(), *options]
-    name = re.sub(r"[^\w.-]+", "_", " ".join([folder.name, *options]))
+    options = ["--policy", policy or args.policy, *args.options.split(), *options]
+    name = re.sub(r"[^\w.-]+", "_", " ".join([folder.name, *options, *([run] if run else [])]))
     result = args.work / "results" / digest(program) / (name + ".json")
     made_by = folder / "made_by.txt"
     mark = made_by.read_text() if made_by.exists() else ""
@@ -136,13 +146,18 @@ def replay(args, folder, options):
             return kept
     result.parent.mkdir(parents=True, exist_ok=True)
     unfinished = result.with_suffix(".new")
-    done = subprocess.run([program, str(folder), *options, "--json", str(unfinished)], capture_output=True, text=True)
+    if growth:
+        options = [*options, "--growth-file", str(result.with_suffix(".csv"))]
+    done = subprocess.run([program, str(folder), *options, "--json", str(unfinished)], capture_output=True, text=True,
+                          env={**os.environ, **(environment or {})})
     if not unfinished.exists():
         return {"failed": done.stderr.strip() or f"exit status {done.returncode}"}
     found = json.loads(unfinished.read_text())
     if done.returncode != 0:
         found["failed"] = f"exit status {done.returncode}"
     found["made_by"] = mark
+    if growth:
+        found["growth_file"] = str(result.with_suffix(".csv"))
     unfinished.write_text(json.dumps(found))
     unfinished.rename(result)
     return found

@@ -1,0 +1,526 @@
+#!/usr/bin/env python3
+# SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+# SPDX-License-Identifier: Apache-2.0
+"""Evaluates local mapping as the TurboMap paper does, and writes tables (CSV, Markdown), plots (SVG) and one HTML page.
+
+Replays every recording of DATA/recordings and simulated ones under each policy that turbomap-replay was built with: stage
+times beside those that the recorded system needed, trajectory errors, time per keyframe over the run, keyframes that come
+faster than recorded, and whether the map is the same for every run, policy and number of threads. One replay at a time, so
+that times can be quoted. Results are kept in the work folder: a run that was cut off goes on where it was.
+
+    tools/evaluate.py --out evaluation                      everything, into the folder evaluation/
+    tools/evaluate.py --quick --out evaluation              one policy's stress test, few simulated recordings
+    tools/evaluate.py --quick --docs docs/evaluation.md     ... and into the page, with the figures as CSV beside it
+    tools/evaluate.py --check docs/evaluation.md            whether the page shows those figures and no other
+"""
+
+import csv
+import datetime
+import html
+import json
+import os
+import pathlib
+import platform
+import statistics
+import subprocess
+import sys
+import textwrap
+import time
+
+import evaluate_creation as replays
+from evaluate_creation import get, ratio, show
+
+STAGES = ["process", "point_culling", "search", "creation", "fusion", "adjustment", "keyframe_culling", "total"]
+PEER_COLUMNS = {"process": "ms_process", "point_culling": "ms_mpculling", "search": "ms_sft", "fusion": "ms_fuse",
+                "adjustment": "ms_lba", "keyframe_culling": "ms_cull_orig"}  # creation: ms_createnew less the search
+WARM_UP = 11  # keyframes left out of the means, as turbomap-replay does
+RATES = ["1", "2", "4", "8"]
+PAPER = {"euroc": 1.3, "tum": 1.6}  # 'TurboMap: GPU-Accelerated Local Mapping for Visual SLAM', abstract: whole mapping, a GPU
+CERES_MS = 90  # per iteration of synthetic-lba/30-20-6000 where and when the recorded system was timed
+SECONDS_PER_KEYFRAME = 0.05  # of a replay, for a first guess of the time left
+BEGIN, END = "<!-- evaluate: begin -->", "<!-- evaluate: end -->"
+COLOURS = ["#06c", "#c60", "#090", "#b0b", "#888", "#c22"]
+
+
+def parse_arguments():
+    p = replays.common_arguments(__doc__.split("\n\n")[0])
+    p.add_argument("--quick", action="store_true", help="stress test and repetition under one policy, one simulated trajectory")
+    p.add_argument("--policies", type=replays.words, help="default: seq, omp, tbb and cuda, as far as they run here")
+    p.add_argument("--trajectories", type=replays.words, help="of simulated recordings; default: all, --quick: builtin")
+    p.add_argument("--keyframes", type=int, help="per simulated recording; default 100, --quick 40")
+    p.add_argument("--no-recorded", action="store_true", help="simulated recordings only")
+    p.add_argument("--no-simulated", action="store_true", help="recordings only")
+    p.add_argument("--no-inertial", action="store_true", help="no replays with the recordings' IMU")
+    p.add_argument("--options", default="", help="for every replay")
+    p.add_argument("--out", type=pathlib.Path, default=pathlib.Path("evaluation"), help="folder of the results")
+    p.add_argument("--docs", type=pathlib.Path, metavar="PAGE", help="write the tables between the marks of this page too")
+    p.add_argument("--check", type=pathlib.Path, metavar="PAGE", help="compare this page with the CSV beside it, and end")
+    args = p.parse_args()
+    args.policy, args.seeds, args.noise, args.drift = "seq", ["1"], ["0.5"], "0.01"
+    args.rigs = [rig for rig in replays.RIGS if rig != "mono" and not (args.no_inertial and rig.endswith("inertial"))]
+    args.keyframes = args.keyframes or (40 if args.quick else 100)
+    args.trajectories = args.trajectories or (["builtin"] if args.quick else None)
+    return args
+
+
+# --- the recorded system ------------------------------------------------------------------------------------------------
+
+def peer_rows(folder):
+    """[{stage: ms, 'arrival': ms}] of the recorded system (the peer), by keyframe. Empty: not recorded."""
+    for name in ("timing_quiet.csv", "timing.csv"):
+        if (folder / name).exists():
+            break
+    else:
+        return []
+    rows = []
+    with open(folder / name, newline="") as file:
+        for row in csv.DictReader(file):
+            ms = {stage: float(row[column]) for stage, column in PEER_COLUMNS.items()}
+            ms["creation"] = float(row["ms_createnew"]) - ms["search"]
+            ms["total"] = sum(ms.values())
+            rows.append({**ms, "arrival": 1000 * float(row["timestamp"]), "told": int(row["iter"]) > 10 and row["snapshot"] == "0"})
+    for row in reversed(rows):
+        row["arrival"] -= rows[0]["arrival"]
+    return rows
+
+
+def peer_under_load(rows, rate):
+    """What the peer would skip and how late it would be at `rate`, computed from its recorded times by the rules of
+    turbomap-replay --rate: fusion, adjustment and keyframe culling are skipped while the next keyframe waits."""
+    clock, skipped, latencies = 0.0, dict.fromkeys(("fusion", "adjustment", "keyframe_culling"), 0), []
+    arrivals = [row["arrival"] / rate for row in rows]
+    for i, row in enumerate(rows):
+        clock = max(clock, arrivals[i]) + sum(row[s] for s in ("process", "point_culling", "search", "creation"))
+        for stage in skipped:
+            if i + 1 < len(rows) and arrivals[i + 1] <= clock:
+                skipped[stage] += 1
+            else:
+                clock += row[stage]
+        latencies.append(clock - arrivals[i])
+    return skipped, statistics.median(latencies[WARM_UP:] or latencies), max(latencies)
+
+
+# --- what is run --------------------------------------------------------------------------------------------------------
+
+class set_up:
+    """One recording, with or without its IMU."""
+
+    def __init__(self, name, folder, options=(), command=None):
+        self.name, self.folder, self.options, self.command = name, folder, list(options), command
+
+
+def all_cases(args):
+    made = []
+    for name, folder in replays.recorded(args):
+        made.append(set_up(name, folder))
+        if json.loads((folder / "meta.json").read_text()).get("sensor") == "inertial" and not args.no_inertial:
+            made.append(set_up(name + ", IMU", folder, ["--imu"]))
+    if not args.no_simulated:
+        for rig, trajectory, _, _, folder, command in replays.simulated(args):
+            imu = ["--imu"] if rig.endswith("inertial") else []
+            made.append(set_up(f"simulated {rig}, {trajectory}", folder, ["--no-bound", *imu], command))
+    return made
+
+
+def keyframe_count(args, case):
+    rows = peer_rows(case.folder)
+    return len(rows) or args.keyframes
+
+
+def policies(args):
+    """Those that the program runs on this machine, by a replay of nothing but a name: one that is not there is refused."""
+    if args.policies:
+        return args.policies
+    program, found = str(args.bin / "turbomap-replay"), []
+    for policy in ("seq", "omp", "tbb", "cuda"):
+        done = subprocess.run([program, str(args.work / "no_recording"), "--policy", policy], capture_output=True, text=True)
+        if "no_recording" in done.stderr:  # it got as far as reading
+            found.append(policy)
+    return found
+
+
+class progress:
+    """Says on stderr how much is done and how long the rest will take; jobs are weighed by their keyframes."""
+
+    def __init__(self, weights):
+        self.total, self.done, self.fresh, self.begin = sum(weights), 0, 0, time.monotonic()
+        self.say(f"{len(weights)} replays, about {minutes(self.total * SECONDS_PER_KEYFRAME)}, less what is kept from before")
+
+    def say(self, text):
+        if sys.stderr.isatty():
+            print("\r\033[K" + text, end="", file=sys.stderr, flush=True)
+        else:
+            print(text, file=sys.stderr, flush=True)
+
+    def advance(self, weight, seconds, name):
+        self.done += weight
+        if seconds > 0.05:  # not kept from before
+            self.fresh += weight
+        rate = (time.monotonic() - self.begin) / self.fresh if self.fresh else SECONDS_PER_KEYFRAME
+        self.say(f"{100 * self.done / self.total:3.0f} %, about {minutes((self.total - self.done) * rate)} left: {name}")
+        if self.done >= self.total and sys.stderr.isatty():
+            print(file=sys.stderr)
+
+
+def minutes(seconds):
+    return f"{seconds / 60:.0f} min" if seconds >= 90 else f"{seconds:.0f} s"
+
+
+def run_all(args, made, names):
+    """{(case name, policy, what): JSON}"""
+    jobs = []
+    threads = {"1": {"OMP_NUM_THREADS": "1"}, "2": {"OMP_NUM_THREADS": "2"}}
+    stressed = names[:1] if args.quick else names
+    for case in made:
+        for policy in names:
+            if policy == "cuda" and "--imu" in case.options:
+                continue
+            jobs.append((case, policy, "alone", dict(growth=True), []))
+        if not args.quick or not case.command:
+            jobs.append((case, names[0], "again", dict(run="again"), []))
+            for count in threads if "omp" in names else ():
+                jobs.append((case, "omp", f"{count} threads", dict(run=f"threads {count}", environment=threads[count]), []))
+        if not case.command and "--imu" not in case.options:
+            jobs += [(case, policy, "rate " + rate, {}, ["--rate", rate]) for policy in stressed for rate in RATES]
+    weights = [keyframe_count(args, case) for case, *_ in jobs]
+    shown, results = progress(weights), {}
+    for (case, policy, what, more, options), weight in zip(jobs, weights):
+        begin = time.monotonic()
+        fault = replays.simulate(case.folder, case.command) if case.command else None
+        found = {"failed": fault} if fault else replays.replay(args, case.folder, [*case.options, *options], policy=policy, **more)
+        results[case.name, policy, what] = found
+        shown.advance(weight, time.monotonic() - begin, f"{case.name}, {policy}, {what}")
+    return results
+
+
+# --- tables -------------------------------------------------------------------------------------------------------------
+
+class table:
+    """`names`: of the first columns; rows: (their values, {column: text})."""
+
+    def __init__(self, title, note, names):
+        self.title, self.note, self.names, self.rows = title, note, names, []
+
+    def add(self, key, values):
+        shown = {column: show(value) for column, value in values.items() if value is not None}
+        if shown:
+            self.rows.append((tuple(key), shown))
+
+    def markdown(self):
+        return f"### {self.title}\n{textwrap.fill(self.note, 138)}\n\n" + replays.table(self.names, self.rows)
+
+    def html(self):
+        columns = list(dict.fromkeys(c for _, values in self.rows for c in values))
+        cells = lambda tag, texts: "".join(f"<{tag}>{html.escape(str(t))}</{tag}>" for t in texts)
+        body = "".join(f"<tr>{cells('td', [*key, *(values.get(c, '-') for c in columns)])}</tr>\n" for key, values in self.rows)
+        return (f"<h2>{html.escape(self.title)}</h2>\n<p>{html.escape(self.note)}</p>\n"
+                f"<table>\n<tr>{cells('th', [*self.names, *columns])}</tr>\n{body}</table>\n")
+
+
+def write_csv(path, tables):
+    """All figures as they are shown, one per line: title, note, names of the keys, keys, column, value."""
+    with open(path, "w", newline="") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(["table", "note", "names", "key", "column", "value"])
+        for t in tables:
+            for key, values in t.rows:
+                for column, value in values.items():
+                    out.writerow([t.title, t.note, "|".join(t.names), "|".join(key), column, value])
+
+
+def read_csv(path):
+    tables = {}
+    with open(path, newline="") as file:
+        for row in csv.DictReader(file):
+            t = tables.setdefault(row["table"], table(row["table"], row["note"], row["names"].split("|")))
+            key = tuple(row["key"].split("|"))
+            if not t.rows or t.rows[-1][0] != key:
+                t.rows.append((key, {}))
+            t.rows[-1][1][row["column"]] = row["value"]
+    return list(tables.values())
+
+
+def machine(args, names, clock):
+    t = table("Machine", "Where and when these figures were printed.", ["fact"])
+    model = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")),
+                 platform.processor()) if os.path.exists("/proc/cpuinfo") else platform.processor()
+    commit = subprocess.run(["git", "-C", str(replays.ROOT), "rev-parse", "--short", "HEAD"], capture_output=True, text=True)
+    for fact, value in (("processor", f"{model}, {os.cpu_count()} threads"), ("date", datetime.date.today().isoformat()),
+                        ("commit", commit.stdout.strip() or "unknown"), ("policies", ", ".join(names)),
+                        ("options", " ".join(["--quick"] * args.quick + ["--no-inertial"] * args.no_inertial) or "none"),
+                        ("Ceres' clock", f"{clock:.1f} ms per iteration" if clock else "not measured: no Ceres or no data")):
+        t.add([fact], {"value": value})
+    return t
+
+
+def ceres_clock(args):
+    """ms per iteration of Ceres on the problem that the recorded system's machine was timed with; None: cannot be told."""
+    program, problem = args.bin / "turbomap-ceres-bundle", args.data / "synthetic-lba/30-20-6000"
+    if not program.exists() or not problem.exists():
+        return None
+    result = args.work / "ceres.json"
+    done = subprocess.run([str(program), str(problem), "--repeat", "3", "--json", str(result)], capture_output=True, text=True)
+    if done.returncode != 0 or not result.exists():
+        return None
+    return get(json.loads(result.read_text()), "ceres", "ms_per_iteration")
+
+
+def gain_of_paper(name):
+    return next((gain for family, gain in PAPER.items() if name.startswith(family)), None)
+
+
+def table_one(made, names, results):
+    t = table("Local mapping: times and errors",
+              "ms per keyframe, mean +- standard deviation, without the first 11 keyframes. Peer: the recorded system, one thread, "
+              "at the time and on the machine of the recording, not beside these runs.", ["recording", "who"])
+    g = table("Speed-ups over the peer",
+              "The peer's mean over ours. TurboMap (theirs): the average gain over its own baseline, of whole mapping with a GPU, "
+              "that its abstract states; other machine, other runs. Its gains per stage are not compared.", ["recording", "who"])
+    below = []
+    for case in made:
+        peer = [row for row in peer_rows(case.folder) if row["told"]]
+        if peer:
+            values = {}
+            for stage in STAGES:
+                ms = [row[stage] for row in peer]
+                values[stage] = f"{show(statistics.mean(ms))} +- {show(statistics.pstdev(ms))}"
+            first = results[case.name, names[0], "alone"]
+            t.add([case.name, "peer"], {**values, "ATE, mm": get(first, "peer_ate_rmse_m", scale=1000)})
+        for policy in names:
+            found = results.get((case.name, policy, "alone"))
+            if not found or "stages" not in found:
+                continue
+            values, gains = {}, {}
+            for stage in STAGES:
+                ms, deviation = get(found, "stages", stage, "ms_mean"), get(found, "stages", stage, "ms_std")
+                if ms is not None:
+                    values[stage] = show(ms) + (f" +- {show(deviation)}" if deviation is not None else "")
+                    if peer:
+                        gains[stage] = ratio(statistics.mean(row[stage] for row in peer), ms)
+            values["ATE, mm"] = get(found, "ate_rmse_m", scale=1000)
+            t.add([case.name, policy], values)
+            if gains:
+                paper = gain_of_paper(case.name)
+                g.add([case.name, policy], {**gains, "TurboMap (theirs), whole mapping": paper})
+                below += [f"{case.name}, {policy}, {s}: {show(x)}" for s, x in gains.items() if x is not None and paper and x < paper]
+    if below:
+        sentence = "Below the gain that TurboMap states for whole mapping: " + "; ".join(below) + "."
+    elif g.rows:
+        sentence = "No speed-up over the peer, of any stage, is below the gain that TurboMap states for whole mapping."
+    else:
+        sentence = "No recording has times of a peer."
+    return t, g, sentence
+
+
+def scaled(gains, clock):
+    """Speed-ups at the peer's clock: as if the peer's machine were as fast as this one, by Ceres."""
+    if not clock or not gains.rows:
+        return None
+    t = table("Speed-ups at the peer's clock", f"The same times {show(clock / CERES_MS)}: Ceres takes {show(clock)} ms per iteration "
+              f"here, {CERES_MS} where the peer was timed.", gains.names)
+    for key, values in gains.rows:
+        t.add(key, {c: float(v) * clock / CERES_MS for c, v in values.items() if "theirs" not in c})
+    return t
+
+
+def table_breakdown(made, names, results):
+    t = table("Creation and fusion under the lock", "ms per keyframe: the whole stage, and how long of it the map's guard was held "
+              "(the rest reads copies).", ["recording", "policy"])
+    for case in made:
+        for policy in names:
+            found = results.get((case.name, policy, "alone"), {})
+            values = {}
+            for stage in ("search", "creation", "fusion"):
+                values[stage] = get(found, "stages", stage, "ms_mean")
+                times, ms = (get(found, "guard_held", stage, key) for key in ("times", "ms_mean"))
+                keyframes = get(found, "keyframes")
+                if times and keyframes and keyframes > WARM_UP:
+                    values[f"{stage}, guard held"] = times * ms / (keyframes - WARM_UP)
+            if values["fusion"] is not None:
+                t.add([case.name, policy], values)
+    return t
+
+
+def table_stress(made, names, results):
+    t = table("Keyframes that come faster", "Keyframes come at so many times the recorded rate, by the clock of the stages' own "
+              "times; fusion, adjustment and keyframe culling of a keyframe are skipped while the next one waits. Latency: from "
+              "its arrival to its end, ms. Peer: the same rule on its recorded times.", ["recording", "rate", "who"])
+    for case in made:
+        peer = peer_rows(case.folder)
+        for rate in RATES:
+            for policy in names:
+                found = results.get((case.name, policy, "rate " + rate))
+                if not found or "latency" not in found:
+                    continue
+                skipped = found.get("skipped_stages", {})
+                t.add([case.name, rate + "x", policy],
+                      {"skipped adjustments": skipped.get("adjustment", 0), "skipped cullings": skipped.get("keyframe_culling", 0),
+                       "skipped fusions": skipped.get("fusion", 0), "keyframes": get(found, "keyframes"),
+                       "latency, median": get(found, "latency", "ms_median"), "latency, most": get(found, "latency", "ms_max"),
+                       "ATE, mm": get(found, "ate_rmse_m", scale=1000)})
+            if peer and any((case.name, policy, "rate " + rate) in results for policy in names):
+                skipped, median, most = peer_under_load(peer, float(rate))
+                t.add([case.name, rate + "x", "peer"],
+                      {"skipped adjustments": skipped["adjustment"], "skipped cullings": skipped["keyframe_culling"],
+                       "skipped fusions": skipped["fusion"], "keyframes": len(peer), "latency, median": median, "latency, most": most})
+    return t
+
+
+def table_determinism(made, results):
+    t = table("The same map every time", "Digests of the final map, to the last bit, over runs, policies and numbers of threads.",
+              ["recording"])
+    for case in made:
+        digests = {f"{policy}, {what}": found["map_digest"] for (name, policy, what), found in results.items()
+                   if name == case.name and not what.startswith("rate") and "map_digest" in found}
+        if len(digests) > 1:
+            first = next(iter(digests.values()))
+            other = [run for run, digest in digests.items() if digest != first]
+            t.add([case.name], {"runs": len(digests), "different": "; ".join(other) or "none"})
+    return t
+
+
+# --- plots --------------------------------------------------------------------------------------------------------------
+
+def plot(title, x_label, y_label, lines):
+    """SVG of {name: [(x, y)]}."""
+    lines = {name: points for name, points in lines.items() if len(points) > 1}
+    if not lines:
+        return ""
+    left, right, top, bottom = 55, 560, 30, 270
+    x_most = max(x for points in lines.values() for x, _ in points) or 1
+    y_most = max(y for points in lines.values() for _, y in points) or 1
+    text = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 700 310" width="700" font-family="sans-serif" font-size="12">',
+            '<rect width="700" height="310" fill="#fff"/>', f'<text x="{left}" y="18" font-size="14">{html.escape(title)}</text>',
+            f'<path d="M{left} {top}V{bottom}H{right}" fill="none" stroke="#444"/>',
+            f'<text x="{right}" y="{bottom + 32}" text-anchor="end">{html.escape(x_label)}</text>',
+            f'<text x="{left + 4}" y="{top + 2}">{html.escape(y_label)}</text>']
+    for part in range(5):
+        x, y = left + (right - left) * part / 4, bottom - (bottom - top) * part / 4
+        text.append(f'<text x="{x:.0f}" y="{bottom + 16}" text-anchor="middle">{show(round(x_most * part / 4, 2))}</text>')
+        text.append(f'<text x="{left - 6}" y="{y + 4:.0f}" text-anchor="end">{show(round(y_most * part / 4, 2))}</text>')
+    for i, (name, points) in enumerate(lines.items()):
+        at = " ".join(f"{left + (right - left) * x / x_most:.1f},{bottom - (bottom - top) * y / y_most:.1f}" for x, y in points)
+        colour = COLOURS[i % len(COLOURS)]
+        text.append(f'<polyline fill="none" stroke="{colour}" stroke-width="1.5" points="{at}"/>')
+        text.append(f'<text x="{right + 8}" y="{top + 16 * (i + 1)}" fill="{colour}">{html.escape(name)}</text>')
+    return "\n".join(text) + "\n</svg>\n"
+
+
+def running_median(values, half=5):
+    return [(i, statistics.median(values[max(0, i - half):i + half + 1])) for i in range(len(values))]
+
+
+def plots(made, names, results):
+    """{file name: SVG}"""
+    drawn = {}
+    for case in made:
+        lines = {}
+        for policy in names:
+            path = results.get((case.name, policy, "alone"), {}).get("growth_file")
+            if path and os.path.exists(path):
+                with open(path, newline="") as file:
+                    lines[policy] = running_median([float(row["total"]) for row in csv.DictReader(file)])
+        peer = peer_rows(case.folder)
+        if peer:
+            lines["peer"] = running_median([row["total"] for row in peer])
+        drawn[file_name("time " + case.name)] = plot(f"{case.name}: time per keyframe", "keyframe", "ms, running median of 11", lines)
+        lines = {}
+        for policy in names:
+            points = [(float(rate), (results[case.name, policy, "rate " + rate].get("skipped_stages") or {}).get("adjustment", 0))
+                      for rate in RATES if "latency" in results.get((case.name, policy, "rate " + rate), {})]
+            lines[policy] = points
+        if peer and any(lines.values()):
+            lines["peer"] = [(float(rate), peer_under_load(peer, float(rate))[0]["adjustment"]) for rate in RATES]
+        drawn[file_name("stress " + case.name)] = plot(f"{case.name}: skipped adjustments", "times the recorded rate", "keyframes", lines)
+    return {name: svg for name, svg in drawn.items() if svg}
+
+
+def file_name(text):
+    return "_".join("".join(c if c.isalnum() else " " for c in text).split())
+
+
+# --- output -------------------------------------------------------------------------------------------------------------
+
+def block(tables):
+    """What stands between the marks of a page; the first table's note is its first paragraph."""
+    return "\n\n".join([BEGIN, *(t.markdown() for t in tables), END])
+
+
+def with_block(page, tables):
+    before, begin, rest = page.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise ValueError(f"it lacks the lines {BEGIN} and {END}")
+    return before + block(tables) + after
+
+
+def page(tables, drawn):
+    style = ("body{font:15px/1.5 sans-serif;margin:2em auto;max-width:75em;padding:0 1em}table{border-collapse:collapse;display:block;"
+             "overflow-x:auto}td,th{border:1px solid #ccc;padding:.2em .6em;text-align:right;white-space:nowrap}"
+             "td:first-child,th:first-child{text-align:left}svg{max-width:100%;height:auto}")
+    return (f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>TurboMap: evaluation</title><style>{style}</style>'
+            "</head><body>\n<h1>Evaluation of local mapping</h1>\n" + "".join(t.html() for t in tables) + "".join(drawn.values()) +
+            "</body></html>\n")
+
+
+def check(path):
+    text = path.read_text()
+    try:
+        wanted = with_block(text, read_csv(path.with_suffix(".csv")))
+    except (OSError, ValueError) as fault:
+        sys.exit(f"evaluate: {path}: {fault}")
+    for line, (has, should) in enumerate(zip(text.split("\n"), wanted.split("\n")), 1):
+        if has != should:
+            sys.exit(f"evaluate: {path}:{line}: not what {path.with_suffix('.csv').name} says:\n  {has}\n  {should}")
+    if text != wanted:
+        sys.exit(f"evaluate: {path}: not what {path.with_suffix('.csv').name} says")
+    return 0
+
+
+def main():
+    args = parse_arguments()
+    if args.check:
+        return check(args.check)
+    simulates = [] if args.no_simulated else [args.bin / "turbomap-simulate"]
+    for needed in (args.bin / "turbomap-replay", *simulates):
+        if not needed.exists():
+            sys.exit(f"evaluate: {needed} is not there: ./quickstart build, or --bin")
+    (args.work / "recordings").mkdir(parents=True, exist_ok=True)
+    names, made = policies(args), all_cases(args)
+    if not names or not made:
+        sys.exit("evaluate: there is nothing to replay: no policy or no recording")
+    try:
+        results = run_all(args, made, names)
+    except KeyboardInterrupt:
+        sys.exit(f"\nevaluate: stopped. What is done is kept in {args.work}: the same command goes on from there")
+    clock = ceres_clock(args)
+    times, gains, sentence = table_one(made, names, results)
+    summary = table("Summary", sentence, ["what"])
+    faults = [(name, policy, what, found["failed"]) for (name, policy, what), found in results.items() if "failed" in found]
+    summary.add(["recordings and set-ups"], {"count": len(made)})
+    summary.add(["replays"], {"count": len(results)})
+    summary.add(["failed"], {"count": len(faults)})
+    tables = [summary, machine(args, names, clock), times, gains, scaled(gains, clock), table_breakdown(made, names, results),
+              table_stress(made, names, results), table_determinism(made, results)]
+    if faults:
+        failed = table("Failed", "What went wrong.", ["recording", "policy", "what"])
+        for name, policy, what, fault in faults:
+            failed.add([name, policy, what], {"fault": fault.split("\n")[-1]})
+        tables.append(failed)
+    tables = [t for t in tables if t and t.rows]
+    drawn = plots(made, names, results)
+    args.out.mkdir(parents=True, exist_ok=True)
+    write_csv(args.out / "evaluation.csv", tables)
+    (args.out / "evaluation.md").write_text("# Evaluation of local mapping\n\n" + block(tables) + "\n")
+    (args.out / "evaluation.html").write_text(page(tables, drawn))
+    for name, svg in drawn.items():
+        (args.out / (name + ".svg")).write_text(svg)
+    if args.docs:
+        args.docs.write_text(with_block(args.docs.read_text(), tables))
+        write_csv(args.docs.with_suffix(".csv"), tables)
+    print(f"{sentence}\n{args.out}: evaluation.html, .md, .csv and {len(drawn)} plots")
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

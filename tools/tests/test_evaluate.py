@@ -1,0 +1,149 @@
+# SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+# SPDX-License-Identifier: Apache-2.0
+"""tools/evaluate.py with a turbomap-replay that replays nothing: its tables, that it goes on where it was, that a page with
+another figure is found."""
+
+import csv
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+TOOLS = pathlib.Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(TOOLS))
+import evaluate  # noqa: E402
+
+# 10 ms per stage, 70 in all; under omp half of that. Keyframes that come at 8 times the rate lose 5 adjustments.
+STUB = """#!{python}
+import json, pathlib, sys
+words = sys.argv[1:]
+if "--help" in words: sys.exit(0)
+option = lambda name, other: words[words.index(name) + 1] if name in words else other
+policy, rate = option("--policy", "seq"), float(option("--rate", "0"))
+if policy in ("tbb", "cuda"):
+    print("turbomap-replay: --policy " + policy + ": this program was built without it", file=sys.stderr); sys.exit(2)
+if not pathlib.Path(words[0]).is_dir():
+    print("turbomap-replay: " + words[0] + ": is not a directory with a recording", file=sys.stderr); sys.exit(2)
+with open({log!r}, "a") as file: file.write(" ".join(words) + "\\n")
+ms = 10 if policy == "seq" else 5
+stages = {stages!r}
+found = {{"keyframes": 31, "map_digest": "ab" if policy == "seq" else "{digest}", "ate_rmse_m": 0.012, "peer_ate_rmse_m": 0.034,
+         "stages": {{s: {{"ms_mean": 7 * ms if s == "total" else ms, "ms_std": 1.5}} for s in stages}},
+         "guard_held": {{"fusion": {{"times": 40, "ms_mean": 0.5}}}}}}
+if rate:
+    found["latency"] = {{"ms_median": 20.0, "ms_max": 30.0}}
+    if rate == 8: found["skipped_stages"] = {{"adjustment": 5, "keyframe_culling": 7, "fusion": 0}}
+if "--growth-file" in words:
+    rows = "".join(str(i) + "," + str(7 * ms + i) + "\\n" for i in range(31))
+    pathlib.Path(option("--growth-file", "")).write_text("keyframe,total\\n" + rows)
+pathlib.Path(option("--json", "")).write_text(json.dumps(found))
+"""
+
+
+class evaluation(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.root = pathlib.Path(self.folder.name)
+        (self.root / "bin").mkdir()
+        self.recording = self.root / "data/recordings/euroc_tiny"
+        self.recording.mkdir(parents=True)
+        (self.recording / "meta.json").write_text(json.dumps({"sensor": "stereo"}))
+        # The peer: 20 ms per stage but creation, which takes 5 besides the search; a keyframe every 200 ms.
+        columns = ["iter", "timestamp", *evaluate.PEER_COLUMNS.values(), "ms_createnew", "snapshot"]
+        with open(self.recording / "timing.csv", "w", newline="") as file:
+            out = csv.writer(file)
+            out.writerow(columns)
+            for i in range(31):
+                out.writerow([i, 100 + 0.2 * i, *[20] * len(evaluate.PEER_COLUMNS), 25, 0])
+        self.write_stub("ab")
+
+    def tearDown(self):
+        self.folder.cleanup()
+
+    def write_stub(self, digest):
+        stub = self.root / "bin/turbomap-replay"
+        stub.write_text(STUB.format(python=sys.executable, log=str(self.root / "log"), stages=evaluate.STAGES, digest=digest))
+        stub.chmod(0o755)
+
+    def run_it(self, *more):
+        command = [sys.executable, str(TOOLS / "evaluate.py"), "--bin", str(self.root / "bin"), "--data", str(self.root / "data"),
+                   "--work", str(self.root / "work"), "--out", str(self.root / "out"), "--no-simulated", *more]
+        return subprocess.run(command, capture_output=True, text=True, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"})
+
+    def replays(self):
+        return (self.root / "log").read_text().splitlines()
+
+    def figure(self, title, key, column):
+        for t in evaluate.read_csv(self.root / "out/evaluation.csv"):
+            if t.title == title:
+                return dict(t.rows)[key][column]
+
+    def test_tables(self):
+        done = self.run_it()
+        self.assertEqual(done.returncode, 0, done.stderr)
+        times, gains = "Local mapping: times and errors", "Speed-ups over the peer"
+        self.assertEqual(self.figure("Machine", ("policies",), "value"), "seq, omp")
+        self.assertEqual(self.figure(times, ("euroc_tiny", "seq"), "fusion"), "10 +- 1.5")
+        self.assertEqual(self.figure(times, ("euroc_tiny", "peer"), "creation"), "5 +- 0")
+        self.assertEqual(self.figure(times, ("euroc_tiny", "seq"), "ATE, mm"), "12")
+        self.assertEqual(self.figure(gains, ("euroc_tiny", "seq"), "fusion"), "2")
+        self.assertEqual(self.figure(gains, ("euroc_tiny", "omp"), "total"), "3.57")  # 125 / 35
+        self.assertEqual(self.figure(gains, ("euroc_tiny", "seq"), "TurboMap (theirs), whole mapping"), "1.3")
+        self.assertIn("euroc_tiny, seq, creation: 0.5", done.stdout)  # the one cell below 1.3 ...
+        self.assertNotIn("fusion", done.stdout)
+        self.assertIn("euroc_tiny, omp, creation: 1", done.stdout)
+        self.assertEqual(self.figure("Creation and fusion under the lock", ("euroc_tiny", "seq"), "fusion, guard held"), "1")
+        stress = "Keyframes that come faster"
+        self.assertEqual(self.figure(stress, ("euroc_tiny", "8x", "omp"), "skipped adjustments"), "5")
+        self.assertEqual(self.figure(stress, ("euroc_tiny", "1x", "omp"), "skipped adjustments"), "0")
+        self.assertEqual(self.figure(stress, ("euroc_tiny", "1x", "peer"), "skipped adjustments"), "0")
+        self.assertEqual(self.figure(stress, ("euroc_tiny", "1x", "peer"), "latency, median"), "125")
+        self.assertEqual(self.figure(stress, ("euroc_tiny", "8x", "peer"), "skipped fusions"), "30")  # 65 ms of a 25 ms interval
+        self.assertEqual(self.figure("The same map every time", ("euroc_tiny",), "different"), "none")
+        page = (self.root / "out/evaluation.html").read_text()
+        self.assertEqual(page.count("<svg"), 2)
+        self.assertNotIn("src=", page)  # nothing else is needed
+
+    def test_goes_on_where_it_was(self):
+        self.run_it()
+        first = self.replays()
+        self.assertEqual(len(first), 2 + 3 + 8)  # alone; again, two numbers of threads; four rates under two policies
+        next((self.root / "work/results").rglob("*rate_4*.json")).unlink()
+        self.run_it()
+        self.assertEqual(len(self.replays()), len(first) + 1)
+
+    def test_quick_replays_less(self):
+        self.run_it("--quick")
+        self.assertEqual(len(self.replays()), 2 + 3 + 4)
+
+    def test_another_map_is_found(self):
+        self.write_stub("cd")
+        self.assertEqual(self.run_it().returncode, 0)
+        self.assertIn("omp, alone", self.figure("The same map every time", ("euroc_tiny",), "different"))
+
+    def test_a_figure_that_was_not_printed_is_found(self):
+        page = self.root / "page.md"
+        page.write_text(f"before\n{evaluate.BEGIN}\n{evaluate.END}\nafter\n")
+        self.assertEqual(self.run_it("--docs", str(page)).returncode, 0)
+        text = page.read_text()
+        self.assertTrue(text.startswith("before\n") and text.endswith("\nafter\n"))
+        self.assertEqual(self.run_it("--check", str(page)).returncode, 0)
+        page.write_text(text.replace("| 3.57 |", "| 3.58 |"))
+        done = self.run_it("--check", str(page))
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("3.58", done.stderr)
+        page.write_text(text.replace(evaluate.END, ""))
+        self.assertEqual(self.run_it("--check", str(page)).returncode, 1)
+
+    def test_a_replay_that_fails_is_told(self):
+        (self.root / "bin/turbomap-replay").write_text(f"#!{sys.executable}\nimport sys\nsys.exit('no_recording, broken')\n")
+        done = self.run_it()
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("broken", (self.root / "out/evaluation.md").read_text())
+
+
+if __name__ == "__main__":
+    unittest.main()
