@@ -168,12 +168,12 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
     return v;
   }
 
+  const double* row(std::size_t k) const { return rows_.data() + k * stride_; }
+
   uploaded<adjustment_camera<Camera>, Memory> cameras_;
   resident_entries<Memory> entries_;
-  /// u, v, u_right, information of all entries, one after the other, sent at once.
-  const double* row(std::size_t k) const { return rows_.data() + k * stride_; }
   static constexpr std::size_t row_size = 4;
-  array<double, host_memory> rows_;
+  array<double, host_memory> rows_;  ///< u, v, u_right, information of all entries, one after the other, sent at once
   resident_copy<double, Memory> resident_rows_;
   std::size_t stride_ = 0;
   plain_vector<std::uint8_t> kind_;

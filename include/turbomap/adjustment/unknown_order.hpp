@@ -5,7 +5,8 @@
 /// \file
 /// The order in which the host solves frames of D unknowns of which landmarks see the first V only, as poses of a keyframe with an
 /// IMU: first the D - V others of each frame, then all poses. Velocities and biases join neighbours in time alone, so their rows
-/// begin shortly before the diagonal, and those of the poses with the frame before: a third of the work of the full matrix.
+/// begin shortly before the diagonal, and those of the poses with the frame before: for 25 frames a fifth of the products of the
+/// full matrix.
 
 #include <cstddef>
 

@@ -9,8 +9,8 @@
 /// All planes through the baseline of two views are ordered by one angle. A keypoint that may be off by r pixels fixes its
 /// plane up to a half-width w, large for coarse octaves and near the epipole. Candidates are sorted into classes of w, each
 /// class into buckets of angle (one counting sort); a query reads, of each class, the buckets that overlap its own angle
-/// +- (its w + the class's w). Half-widths are upper bounds with a slack far above float rounding: the windows may be too
-/// long, never too short.
+/// +- (its w + the class's w). One class is enough: the few wider candidates are compared with every query. Half-widths are
+/// upper bounds with a slack far above float rounding: the windows may be too long, never too short.
 
 #include <cmath>
 #include <cstdint>
@@ -24,9 +24,10 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Shape of the classes and buckets: a compromise between comparing too much and reading too many windows, measured; no
 /// influence on results.
 struct epipolar_order_layout {
-  static constexpr int class_count = 1;  ///< each class is 4 times as wide as the one before; candidates wider than the
-                                         ///< last are compared with every query
-  static constexpr float typical = 4;    ///< class 0 is this times the mean half-width of the table's candidates
+  static constexpr int class_count =
+      1;                               ///< candidates wider than the last are compared with every query; if there were
+                                       ///< more classes, each would be 4 times as wide as the one before
+  static constexpr float typical = 4;  ///< class 0 is this times the mean half-width of the table's candidates
   static constexpr float widest = 1.0F / 3;  ///< but not wider, rad
   static constexpr float slack = 3e-4F;      ///< rad, added to every half-width
   static constexpr float pi = 3.14159265F;
