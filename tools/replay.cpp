@@ -5,11 +5,14 @@
 /// turbomap-replay: replays a recording of local mapping, or checks every stage against it. See docs/programs.md.
 
 #include <algorithm>
+#include <charconv>
 #include <cstdio>
 #include <fstream>
 #include <set>
 #include <sstream>
 #include <stdexcept>
+#include <string>
+#include <system_error>
 
 #include <CLI/CLI.hpp>
 
@@ -64,6 +67,14 @@ std::filesystem::path demo_recording(const char* program) {
   std::error_code failed;
   const auto self = std::filesystem::canonical("/proc/self/exe", failed);
   return (failed ? std::filesystem::path(program) : self).parent_path().parent_path() / "demo" / "recording";
+}
+
+/// What is wrong with the value of --global-adjustment; empty: nothing. 0.5 and 1e3 are numbers, but not of keyframes.
+std::string end_or_count(const std::string& text) {
+  int count = 0;
+  const auto [end, failed] = std::from_chars(text.data(), text.data() + text.size(), count);
+  const bool whole = failed == std::errc() && end == text.data() + text.size();
+  return text == "end" || (whole && count > 0) ? "" : "'" + text + "' is neither 'end' nor a whole number above 0";
 }
 
 void choose_stages(const std::string& list, arguments& a) {
@@ -133,7 +144,7 @@ int main(int argc, char** argv) try {
   app.add_option("--global-adjustment", global,
                  "adjust all of the map together: 'end', after the last keyframe, or a number, after so many keyframes "
                  "each (replay mode)")
-      ->check(CLI::IsMember({"end"}) | CLI::PositiveNumber);
+      ->check(end_or_count);
   app.add_option("--global-rounds", a.global_rounds,
                  "with --global-adjustment: look for duplicates around every keyframe and adjust again, so many times")
       ->check(CLI::NonNegativeNumber);
