@@ -119,8 +119,13 @@ def variants(replay, given):
     """{name: options}: as given, or of the options that the program has."""
     text = subprocess.run([replay, "--help"], capture_output=True, text=True, check=True).stdout
     if given:
-        named = [one.partition(":") for one in given.split(";")]
-        made = {name.strip(): options.split() for name, _, options in named}
+        made = {}
+        for one in given.split(";"):
+            name, colon, options = one.partition(":")
+            name = name.strip()
+            if not colon or not name or name in made:
+                sys.exit(f"evaluate_creation: --variants: '{one.strip()}' is not 'NAME: OPTIONS' with a name of its own")
+            made[name] = options.split()
     else:
         known = {option: values for option, values in VARIED.items() if re.search(rf"{option}\b", text)}
         combined = itertools.product(*known.values())
