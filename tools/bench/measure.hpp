@@ -109,6 +109,7 @@ inline nlohmann::json interleave(int repetitions, const std::function<void()>& o
 /// Milliseconds that one core needs for `pairs` Hamming distances of 256 bits and nothing else, read as a stream.
 template <class Camera>
 double distance_floor_ms(const turbomap::keyframe_view<orb, Camera>& view, double pairs) {
+  if (view.keypoint_count <= 0) return 0;
   volatile std::int32_t sink = 0;  // or the compiler would leave the work out
   std::vector<double> samples;
   const int passes = 200;
@@ -117,7 +118,7 @@ double distance_floor_ms(const turbomap::keyframe_view<orb, Camera>& view, doubl
     for (int p = 0; p < passes; ++p) {
       std::int32_t least = 256;
       for (int i = 0; i < view.keypoint_count; ++i)
-        least = std::min(least, orb::distance(view.descriptor_of(p), view.descriptor_of(i)));
+        least = std::min(least, orb::distance(view.descriptor_of(p % view.keypoint_count), view.descriptor_of(i)));
       sink = least;
     }
     samples.push_back((now_ms() - begin) / (static_cast<double>(passes) * view.keypoint_count));
