@@ -244,6 +244,22 @@ TEST_CASE("before the IMU is initialised it is a local adjustment") {
   CHECK(s.state() == visual.state());
 }
 
+TEST_CASE("a keyframe that has died leaves no points of the adjustment before") {
+  inertial_map_scene s({14, 20, 1, 0.5, 0.1});
+  inertial_run<sequential> run(sequential{}, s);
+  for (const bool inertial : {false, true}) {
+    CAPTURE(inertial);
+    s.map.set_initialised(inertial);
+    run(13 - (inertial ? 1 : 0));
+    REQUIRE(run.adjust.points().size() > 0);
+    const auto k = s.keyframes[inertial ? 12 : 13];
+    turbomap::erase_keyframe(s.map, k);
+    CHECK(run.adjust(run.scope(), k, {}).stale);
+    CHECK(run.adjust.points().size() == 0);
+    CHECK(run.adjust.points_that_lost_views().size() == 0);
+  }
+}
+
 TEST_CASE("the large window where tracking is strong; young estimates make every edge robust") {
   inertial_map_scene s;
   inertial_adjustment_options o;

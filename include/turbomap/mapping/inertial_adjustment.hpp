@@ -90,6 +90,7 @@ class inertial_adjustment {
     const auto guard = s.guard();
     commit_.clear();
     window_.clear();
+    visual_.forget();  // its points may be gone by now
     summary.stale = current == keyframe{} || !traits::alive(s.map, current);
     is_inertial_ = summary.inertial = !summary.stale && inertial_traits<Map>::initialised(s.map);
     if (summary.stale) summary.solve.end = adjustment_end::no_observations;

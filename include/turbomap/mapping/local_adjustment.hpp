@@ -95,6 +95,8 @@ class local_adjustment {
   const list_of<point>& points() const { return window_.points(); }
   /// Those of them that lost an observation as an outlier and live on: their descriptors are due too.
   const list_of<point>& points_that_lost_views() const { return commit_.points_that_lost_views(); }
+  /// There was none: both lists are empty. For who adjusts in another way meanwhile.
+  void forget() { window_.clear(), commit_.clear(); }
 
  protected:
   /// \param stale  there is no window
