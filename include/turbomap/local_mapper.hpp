@@ -134,9 +134,10 @@ class local_mapper {
       throw;
     }
   }
-  /// For a keyframe that another part of the system takes out of the map.
+  /// For a keyframe that another part of the system takes out of the map, or whose store was cleared.
+  /// Throws std::invalid_argument when it was not inserted, or has been removed.
   void remove(std::uint64_t id) {
-    store_.erase(stored_.at(id));
+    erase_from_store(stored_.at(id));
     stored_.erase(id);
     working_.removed(id);
   }
@@ -144,9 +145,7 @@ class local_mapper {
   /// been emptied before, ids and all. Options, hooks and the memory that stages work in stay. Not within a hook.
   void reset() {
     require(!processing_, "reset", "in a hook", "must wait until process() has ended");
-    stored_.for_each_handle([this](keyframe_handle handle) {
-      if (store_.contains(handle)) store_.erase(handle);
-    });
+    stored_.for_each_handle([this](keyframe_handle handle) { erase_from_store(handle); });
     stored_.clear();
     working_.reset();
     probation_.clear(), due_.clear(), fusion_.begin();
@@ -206,7 +205,8 @@ class local_mapper {
 
   /// Adjusts the whole map that a keyframe is part of, on request: after a loop was closed, at the end of a session. See
   /// global_adjustment for what moves and what is thrown. Then the appearances of what moved are computed. For the thread
-  /// that calls process(), between two calls; held(), refused and points_updated of the last report() grow.
+  /// that calls process(), between two calls; held, refused and points_updated of the last report() grow. An
+  /// inertial mapper adjusts visually here too: velocities, biases and gravity are neither used nor changed (docs/inertial.md).
   /// \return what was done; stale: the keyframe is not in the map, or somebody moved a keyframe meanwhile
   local_adjustment_summary adjust_globally(const keyframe& anyone, const global_adjustment_options& options) {
     static_assert(adjusts, "turbomap: this local_mapper compiles no solver (no_adjustment)");
@@ -228,7 +228,8 @@ class local_mapper {
 
   /// Looks for duplicates between a keyframe's points and those of its neighbourhood, both ways, as the stage `fusion` does: after
   /// poses were corrected, so that points on the two sides of a loop are found to be one [ORB-SLAM3]. For the thread that
-  /// calls process(), between two calls. Appearances follow.
+  /// calls process(), between two calls. No deadline holds. Appearances follow; fused, held, refused and points_updated of the
+  /// last report() grow. After an exception the map is sound, and report().fused as before.
   /// \throws std::invalid_argument  as process()
   fusion_summary fuse_around(const keyframe& k) {
     require(!(k == keyframe{}), "keyframe", "none", "is not a keyframe of the map");
@@ -242,11 +243,10 @@ class local_mapper {
       current = working_.number(k);
       if (!s.can_use(current)) return {};
     }
-    const fusion_summary before = report_.fused;
-    report_.fused = {};
-    fuse(current, s);
-    const fusion_summary found = report_.fused;
-    report_.fused = before;
+    budget_.start(0);  // that of the last process() has run out
+    fusion_summary found;
+    std::size_t targets = 0;
+    fuse_into(found, targets, current, s);
     report_.fused += found;
     update_due(mapping_stage::fusion);
     return found;
@@ -328,6 +328,10 @@ class local_mapper {
       return keyframe_traits<Data>::keypoint_count(data);
     else
       return 0;
+  }
+  /// keyframe_store::clear() may have taken it out before.
+  void erase_from_store(keyframe_handle handle) {
+    if (store_.contains(handle)) store_.erase(handle);
   }
   fault_sink faults() { return options_.strict ? fault_sink() : fault_sink(report_.refused); }
   scope scope_of(mapping_stage s) { return {ctx_, working_.get(), store_, stored_, report_.held[s], faults()}; }
@@ -470,7 +474,8 @@ class local_mapper {
     });
   }
 
-  void fuse(stage_keyframe current, const scope& s) {
+  void fuse(stage_keyframe current, const scope& s) { fuse_into(report_.fused, report_.fusion_targets, current, s); }
+  void fuse_into(fusion_summary& fused, std::size_t& target_count, stage_keyframe current, const scope& s) {
     list_of<stage_keyframe>& targets = keyframes_;
     {
       const auto guard = s.guard();
@@ -480,16 +485,15 @@ class local_mapper {
     const std::size_t fitting = budget_.fitting(fuse_a_target, targets.size());
     if (fitting < targets.size()) cut(fuse_a_target);
     targets.resize(fitting);
-    report_.fusion_targets = fitting;
+    target_count = fitting;
     fusion_.begin();
     fusion_options options = options_.fusion;
     options.stereo_correlation = options_.adjustment.stereo_correlation;
-    timed(fuse_a_target, static_cast<double>(fitting),
-          [&] { report_.fused += fusion_.forward(s, current, targets, options); });
+    timed(fuse_a_target, static_cast<double>(fitting), [&] { fused += fusion_.forward(s, current, targets, options); });
     if (!budget_.fits(fuse_back)) {
       cut(fuse_back);
     } else {
-      timed(fuse_back, 1, [&] { report_.fused += fusion_.backward(s, current, targets, options); });
+      timed(fuse_back, 1, [&] { fused += fusion_.backward(s, current, targets, options); });
     }
     due_.changed(fusion_.touched());
   }

@@ -435,6 +435,47 @@ TEST_CASE("insert reads the map under its guard") {
   CHECK(r.run.map.watch.taken == 1);
 }
 
+TEST_CASE("fuse_around knows no deadline, and keeps the report of the stage") {
+  auto options = stereo_case(noisy(11)).options;
+  stereo_run<watched> r(options, {}, noisy(11)), free(options, {}, noisy(11));
+  r.run.steps(3), free.run.steps(3);
+  for (auto* run : {&r.run, &free.run}) {
+    run->mapper.options().enabled[mapping_stage::fusion] = false;
+    run->steps(4);  // makes duplicates
+  }
+  r.run.mapper.options().deadline_ms = 1e-6;
+  CHECK(r.run.step().cut);  // from the search on
+  for (const auto s : all_stages) free.run.mapper.options().enabled[s] = s < mapping_stage::search;
+  free.run.step();
+  const auto fused = r.run.mapper.fuse_around(r.run.keyframes().back());
+  CHECK(fused.merged > 0);
+  CHECK(r.run.mapper.report().fusion_targets == 0);  // of the last process()
+  CHECK(r.run.mapper.report().fused.merged == fused.merged);
+  CHECK(free.run.mapper.fuse_around(free.run.keyframes().back()).merged == fused.merged);
+  CHECK(content(r.run.map) == content(free.run.map));
+  int guards = 0;
+  r.run.map.watch.before = [&] {
+    if (++guards == 4) throw std::runtime_error("no guard");
+  };
+  const auto before = r.run.mapper.report();
+  CHECK_THROWS_AS(r.run.mapper.fuse_around(r.run.keyframes().front()), std::runtime_error);
+  CHECK(r.run.mapper.report().fused.entries == before.fused.entries);
+  CHECK(r.run.mapper.report().fused.merged == before.fused.merged);
+  CHECK(r.run.mapper.report().fusion_targets == 0);
+  r.run.map.watch.before = nullptr;
+  CHECK(r.sound());
+}
+
+TEST_CASE("a keyframe of a store that was cleared can be removed") {
+  stereo_run<> r;
+  r.run.steps(2);
+  const std::uint64_t id = flat_traits::id(r.run.map, r.run.keyframes().back());
+  r.run.store.clear();
+  r.run.mapper.remove(id);
+  CHECK(r.run.mapper.stored().size() == 1);
+  CHECK_THROWS_AS(r.run.mapper.remove(id), std::invalid_argument);
+}
+
 TEST_CASE("one slow keyframe does not switch a stage off for ever") {
   constexpr double deadline_ms = 500;
   bool slow = false, searched = false;
