@@ -15,6 +15,7 @@ find_package(doctest CONFIG REQUIRED)
 find_package(nlohmann_json CONFIG QUIET)
 find_package(OpenCV QUIET COMPONENTS core imgproc imgcodecs calib3d features2d)
 find_package(Sophus CONFIG QUIET)
+find_package(manif CONFIG QUIET)
 
 # turbomap_add_test_main(NAME): the object library NAME with the main function, and all that every test links.
 function(turbomap_add_test_main name)
