@@ -20,7 +20,12 @@ namespace turbomap_test {
 /// Somebody else changes the map when the initialisation takes the guard again, to write.
 struct disturbed_map : inertial_map {
   using inertial_map::inertial_map;
-  int guards = 0, change = 0;
+  int guards = 0, change = 0, at = 2;
+};
+/// The keyframe before the first one is the last one.
+struct circular_map : inertial_map {
+  using inertial_map::inertial_map;
+  turbomap::map_keyframe_id first, last;
 };
 
 }  // namespace turbomap_test
@@ -28,7 +33,7 @@ struct disturbed_map : inertial_map {
 template <>
 struct turbomap::map_traits<turbomap_test::disturbed_map> : turbomap::map_traits<turbomap_test::inertial_map> {
   static std::unique_lock<std::mutex> guard(turbomap_test::disturbed_map& m) {
-    if (++m.guards == 2) {
+    if (++m.guards == m.at) {
       auto k = m.keyframe_at(7);
       if (m.change == 1) m.set_pose(k, {});
       if (m.change == 2)
@@ -41,6 +46,15 @@ struct turbomap::map_traits<turbomap_test::disturbed_map> : turbomap::map_traits
 template <>
 struct turbomap::inertial_traits<turbomap_test::disturbed_map>
     : turbomap::inertial_traits<turbomap_test::inertial_map> {};
+template <>
+struct turbomap::map_traits<turbomap_test::circular_map> : turbomap::map_traits<turbomap_test::inertial_map> {
+  static keyframe previous(const turbomap_test::circular_map& m, keyframe k) {
+    return k == m.first ? m.last : turbomap::map_traits<turbomap_test::inertial_map>::previous(m, k);
+  }
+};
+template <>
+struct turbomap::inertial_traits<turbomap_test::circular_map> : turbomap::inertial_traits<turbomap_test::inertial_map> {
+};
 
 namespace {
 
@@ -73,9 +87,12 @@ TEST_CASE("gravity, velocities, biases and the scale are those of the truth") {
     auto s = visual_scene(unit);
     turbomap::initialisation_options options;
     options.monocular = unit != 1;
+    inertial_map_traits::set_covariance(s.map, s.points[0], {1, 2, 3, 4, 5, 6});
     turbomap::inertial_initialisation<inertial_map> initialise;
     const auto& found = initialise(s.map, s.keyframes.back(), options);
     REQUIRE(found.end == initialisation_end::initialised);
+    CHECK(found.scale == doctest::Approx(1 / unit).epsilon(0.01));  // by which the map was scaled
+    CHECK((found.scale_sigma > 0) == options.monocular);
     CHECK(s.map.initialised());
     CHECK(norm(s.map.gravity() - vec3<double>{0, 0, -9.81}) < 0.02);
     CHECK_FALSE(found.integrate_again);  // the samples were integrated at the biases that were found
@@ -90,8 +107,58 @@ TEST_CASE("gravity, velocities, biases and the scale are those of the truth") {
     }
     for (std::size_t l = 0; l < s.points.size(); ++l)
       CHECK(norm(s.map.position(s.points[l]) - s.true_points[l]) < 0.01 * (1 + norm(s.true_points[l])));
+    const auto& c = inertial_map_traits::covariance(s.map, s.points[0]);
+    CHECK(c.xx == doctest::Approx(1 / (unit * unit)).epsilon(0.02));
+    CHECK(c.zy == doctest::Approx(5 / (unit * unit)).epsilon(0.02));
     CHECK(turbomap::validate(s.map).empty());
   }
+}
+
+TEST_CASE("a repetition that finds nothing: what was found before it stands") {
+  const auto s = visual_scene(0.2);
+  turbomap::initialisation_options options;
+  options.monocular = true;
+  for (const int at : {3, 4}) {  // when it is read again; when it is to be written again
+    CAPTURE(at);
+    disturbed_map map(8, s.map.T_bc());
+    static_cast<inertial_map&>(map) = s.map;
+    map.change = 1, map.at = at;
+    turbomap::inertial_initialisation<disturbed_map> initialise;
+    const auto& found = initialise(map, s.keyframes.back(), options);
+    CHECK(map.guards == at);
+    CHECK(map.initialised());
+    CHECK_FALSE(initialise.stale());
+    REQUIRE(found.end == initialisation_end::initialised);
+    CHECK(found.scale == doctest::Approx(5).epsilon(0.01));
+    CHECK(found.scale_sigma > 0);
+  }
+}
+
+TEST_CASE("how far back it looks; the keyframe after the last one hears of the bias") {
+  auto s = visual_scene(3);
+  for (const auto& k : s.keyframes) s.map.set_velocity(k, {3, 0, 0});
+  turbomap::initialisation_options options;
+  options.monocular = true, options.most_seconds = 3.5;  // 15 keyframes
+  turbomap::inertial_initialisation<inertial_map> initialise;
+  const auto& found = initialise(s.map, s.keyframes[18], options);
+  REQUIRE(found.end == initialisation_end::initialised);
+  CHECK(found.velocity.size() == 15);
+  CHECK(s.map.velocity(s.keyframes[3]).x == doctest::Approx(1).epsilon(0.01));  // in metres, too
+  CHECK(s.map.bias(s.keyframes[3]).acceleration.x == 0);
+  CHECK_FALSE(s.map.velocity(s.keyframes[4]).x == doctest::Approx(1).epsilon(1e-6));
+  CHECK(s.map.motion(s.keyframes[4])->bias.acceleration.x == 0);
+  CHECK_FALSE(s.map.motion(s.keyframes[19])->bias.acceleration.x == 0);
+  options.most_seconds = 1;  // less than min_seconds
+  CHECK_THROWS_WITH_AS(initialise(s.map, s.keyframes[18], options), doctest::Contains("options.most_seconds"),
+                       std::invalid_argument);
+
+  const auto whole = visual_scene(1);
+  circular_map circle(8, whole.map.T_bc());
+  static_cast<inertial_map&>(circle) = whole.map;
+  circle.first = whole.keyframes.front(), circle.last = whole.keyframes.back();
+  circle.set_motion(circle.first, *circle.motion(circle.last));
+  turbomap::inertial_initialisation<circular_map> of_circle;
+  CHECK(of_circle(circle, circle.last).velocity.size() == whole.keyframes.size());
 }
 
 TEST_CASE("not initialised: the map is as it was") {
@@ -107,7 +174,14 @@ TEST_CASE("not initialised: the map is as it was") {
   CHECK(initialise(s.map, s.keyframes.back()).end == initialisation_end::too_few_keyframes);
   CHECK(s.state() == before);
   CHECK_FALSE(s.map.initialised());
-  auto bad = *s.map.motion(s.keyframes[18]);
+  const auto good = *s.map.motion(s.keyframes[18]);
+  auto bad = good;
+  bad.dt += 0.02;  // another interval's
+  s.map.set_motion(s.keyframes[18], bad);
+  before = s.state();
+  CHECK_THROWS_WITH_AS(initialise(s.map, s.keyframes.back()), doctest::Contains("motion.dt"), std::invalid_argument);
+  CHECK(s.state() == before);
+  bad = good;
   bad.dP.x = std::numeric_limits<double>::quiet_NaN();
   s.map.set_motion(s.keyframes[18], bad);
   before = s.state();

@@ -35,7 +35,14 @@ struct initialisation_options {
   double max_scale_sigma = 0.01 / 3;  ///< relative; ours: three of them are 1 %
   double max_gravity_sigma = 0.01;    ///< rad; ours: half of what a bias of 0.2 m/s^2 that nobody noticed makes
   /// @}
-  int max_iterations = 20;  ///< of Gauss-Newton
+  int max_iterations = 20;  ///< of Gauss-Newton; above 8: the weights of the edges settle in the first eight
+  /// \name What inertial_initialisation takes of a map
+  /// @{
+  double most_seconds = 30;  ///< back in time from the keyframe. Ours: the biases are one unknown, and walk
+  /// s: a motion whose duration differs by more from the time between its keyframes is refused. Ours: two periods at 200 Hz, as
+  /// inertial_adjustment_options::max_time_error.
+  double max_time_error = 0.01;
+  /// @}
 };
 
 /// How initialise_inertial() ended. Everything but `initialised`: not initialised, use none of the values.

@@ -31,6 +31,8 @@
 TURBOMAP_BEGIN_NAMESPACE
 namespace detail {
 
+constexpr int weighing_rounds = 8;  ///< the weights settle before the last steps
+
 /// One estimate, from start to end.
 class initialiser {
  public:
@@ -39,7 +41,7 @@ class initialiser {
       : T_cw_(T_cw), motion_(motion), T_bc_(T_bc), options_(options), whitening_(motion.size()) {}
 
   void run(initialisation& found) {
-    constexpr int linear_rounds = 2, weighing_rounds = 8;  // the weights settle before the last steps
+    constexpr int linear_rounds = 2;
     start(found);
     bool converged = false;
     for (; found.iterations < options_.max_iterations && !converged; ++found.iterations) {
@@ -268,7 +270,8 @@ class initialiser {
 inline void check_initialisation_options(const initialisation_options& o) {
   require(o.min_keyframes >= 5, "options.min_keyframes", o.min_keyframes, "must be 5 at least");
   require_not_negative("options.min_seconds", o.min_seconds);
-  require(o.max_iterations > 0, "options.max_iterations", o.max_iterations, "must be positive");
+  require(o.max_iterations > weighing_rounds, "options.max_iterations", o.max_iterations,
+          "must be above 8, the steps in which the weights settle: it cannot converge before");
   const auto positive = [](const char* name, double value) {
     require(value > 0 && is_finite(value), name, value, "must be finite and positive");
   };
