@@ -292,6 +292,22 @@ TEST_CASE("while the estimates are young the map may turn about its first keyfra
   }
 }
 
+TEST_CASE("where the keyframe before cannot be used, the window ends in a fixed one all the same") {
+  for (const bool young : {false, true}) {
+    inertial_map_scene s;
+    s.map.set_refined(!young);
+    inertial_run<sequential> run(sequential{}, s);
+    run.stored.erase(inertial_map_traits::id(s.map, s.keyframes[2]));
+    const auto before = s.map.T_cw(s.keyframes[3]);
+    const auto velocity = s.map.velocity(s.keyframes[3]);
+    const auto summary = run(13, exact(), window_of(40));
+    CHECK(summary.free_keyframes == 10);
+    REQUIRE(summary.solve.accepted > 0);
+    CHECK(s.map.T_cw(s.keyframes[3]).qx == before.qx);
+    CHECK(s.map.velocity(s.keyframes[3]).x == velocity.x);
+  }
+}
+
 TEST_CASE("changed meanwhile: nothing is written") {
   for (const int what : {0, 1, 2, 3, 4}) {
     CAPTURE(what);

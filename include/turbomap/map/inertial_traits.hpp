@@ -26,7 +26,9 @@
 ///       static void clear_motion(my::Map&, keyframe);                        // motion() is false from then on
 ///
 ///       // Optional
-///       static bool refined(const my::Map&);  // false: initialised not long ago; the adjustment trusts its edges less
+///       // False: initialised not long ago. The adjustment trusts its edges less then, and the map may turn. No stage sets it:
+///       // false before the first initialisation, true after the second refinement
+///       static bool refined(const my::Map&);
 ///       // `removed` is about to be erased; `after` follows it. To keep samples: append(history of removed, that of after)
 ///       static void join_samples(my::Map&, keyframe removed, keyframe after);
 ///       // The bias of the keyframe before this one is another now. To integrate the samples again: needs_integration()

@@ -20,7 +20,8 @@ struct inertial_adjustment_options {
   /// of its observations, until there are so many.
   int most_observers = 200;
   /// Where the window begins with the map, fewer edges than this do not tell biases and gravity well: those of the first keyframe,
-  /// and its orientation, stay. Ours: as many as initialisation asks keyframes for.
+  /// and its orientation, stay. Ours: one more than the ten keyframes have that initialisation asks for; with nine edges, and few
+  /// points, velocities become worse, not better (test_inertial_window_adjustment.cpp).
   int fewest_edges = 10;
   double near_depth = 10;  ///< m: local_adjustment_options::near_depth
   /// s: a motion whose duration differs by more from the time between its keyframes is refused: it belongs to other ones. Ours:

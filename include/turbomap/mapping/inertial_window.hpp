@@ -86,7 +86,8 @@ class inertial_window : public adjustment_window<Map> {
  private:
   using inertial = inertial_traits<Map>;
 
-  /// The current keyframe and those before it, as far as they are in the store: so many that move, and one more.
+  /// The current keyframe and those before it, as far as they can be used: so many that move, and one more. Where the one before
+  /// cannot be used, the last is fixed as well: only the beginning of the map is free to be corrected.
   template <class Policy>
   void follow(const mapping_scope<Map, Policy>& s, keyframe current, std::size_t wanted) {
     keyframe k = current;
@@ -104,9 +105,11 @@ class inertial_window : public adjustment_window<Map> {
       }
       states_.push_back(x);
       ++chain_;
-      begins_ = !fixed;
-      if (fixed || base::is_origin(s.map, k)) break;
-      k = traits::previous(s.map, k);
+      if (fixed) break;
+      const keyframe before = traits::previous(s.map, k);
+      begins_ = base::is_origin(s.map, k) || before == keyframe{};
+      if (begins_) break;
+      k = before;
     }
     if (chain_ > 0) this->fixed_[chain_ - 1] = 1;
   }

@@ -45,7 +45,7 @@ class simple_inertial_map : public simple_map<Descriptor, Camera> {
   /// Gravity, and the velocities and biases of the keyframes, are known.
   bool initialised() const { return initialised_; }
   void set_initialised(bool initialised) { initialised_ = initialised; }
-  /// They are no longer young.
+  /// They are no longer young. Who initialises this map by the library sets false before, true after the second refinement.
   bool refined() const { return refined_; }
   void set_refined(bool refined) { refined_ = refined; }
 
@@ -131,10 +131,11 @@ struct inertial_traits<simple_inertial_map<Descriptor, Camera>> {
   static void set_initialised(map& m, bool initialised) { m.set_initialised(initialised); }
   /// Without the samples of both, the motion can no longer be integrated again.
   static void join_samples(map& m, keyframe removed, keyframe after) {
-    imu_history joined = m.samples(removed);
-    imu_history& own = m.make(after).samples;
+    if (m.motion(after) == nullptr) return;
+    imu_history& own = m.make(after).samples;  // is there: no memory is needed
     try {
-      if (joined.pieces.empty() || own.pieces.empty()) throw std::invalid_argument("no samples");
+      if (m.samples(removed).pieces.empty() || own.pieces.empty()) throw std::invalid_argument("no samples");
+      imu_history& joined = m.make(removed).samples;
       append(joined, own);
       own = std::move(joined);
     } catch (const std::exception&) {  // no memory, or a hole between the two
