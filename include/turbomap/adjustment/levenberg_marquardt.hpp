@@ -59,11 +59,12 @@ class levenberg_marquardt {
   adjustment_end start() {
     if (data_.observations == 0) return adjustment_end::no_observations;
     if (!data_.finite) return adjustment_end::not_finite;
-    const double cost = evaluate(data_.estimate.current(), options_.max_iterations > 0);
+    const bool nothing_free = data_.structure.free_frames == 0 && !landmarks_move();
+    const double cost = evaluate(data_.estimate.current(), options_.max_iterations > 0 && !nothing_free && !stopped());
     summary_.cost_initial = summary_.cost_final = cost;
     if (!detail::is_finite(cost)) return adjustment_end::not_finite;
     summary_.undefined = equations_.undefined();
-    if (data_.structure.free_frames == 0 && !landmarks_move()) return adjustment_end::nothing_free;
+    if (nothing_free) return adjustment_end::nothing_free;
     const reduced_solver chosen = choose<Solvers>();
     if (chosen != reduced_solver::pcg) equations_.need_blocks(ctx_, chosen == reduced_solver::dense);
     const schur_view<A>& s = equations_.view();
