@@ -144,7 +144,7 @@ class local_mapper {
   /// For a system that starts anew: all that was inserted leaves the store, and nothing is remembered of the map, which may have
   /// been emptied before, ids and all. Options, hooks and the memory that stages work in stay. Not within a hook.
   void reset() {
-    require(!processing_, "reset", "in a hook", "must wait until process() has ended");
+    require_idle("reset");
     stored_.for_each_handle([this](keyframe_handle handle) { erase_from_store(handle); });
     stored_.clear();
     working_.reset();
@@ -197,7 +197,7 @@ class local_mapper {
     stage(mapping_stage::adjustment, k, &local_mapper::adjust);
     stage(mapping_stage::keyframe_culling, k, &local_mapper::cull);
     search_.release();
-    if (!due_.empty() || !moved_.empty() || !changed_.empty()) update_due(due_stage());
+    update_due(due_stage());
     report_.total_ms = budget_.elapsed_ms();
     ++iteration_;
     return report_;
@@ -205,11 +205,14 @@ class local_mapper {
 
   /// Adjusts the whole map that a keyframe is part of, on request: after a loop was closed, at the end of a session. See
   /// global_adjustment for what moves and what is thrown. Then the appearances of what moved are computed. For the thread
-  /// that calls process(), between two calls; held, refused and points_updated of the last report() grow. An
-  /// inertial mapper adjusts visually here too: velocities, biases and gravity are neither used nor changed (docs/inertial.md).
+  /// that calls process(), between two calls; held, ms (by the appearances), refused and points_updated of the last
+  /// report() grow. An inertial mapper adjusts visually here too: velocities, biases and gravity are neither used nor changed
+  /// (docs/inertial.md).
   /// \return what was done; stale: the keyframe is not in the map, or somebody moved a keyframe meanwhile
   local_adjustment_summary adjust_globally(const keyframe& anyone, const global_adjustment_options& options) {
     static_assert(adjusts, "turbomap: this local_mapper compiles no solver (no_adjustment)");
+    require_idle("adjust_globally");
+    const in_progress adjusting(*this);
     const scope s = scope_of(mapping_stage::adjustment);
     stage_keyframe k;
     {
@@ -219,20 +222,23 @@ class local_mapper {
     }
     typename detail::global_on<Adjustment, stage_map>::type adjustment(ctx_);
     const local_adjustment_summary summary = adjustment(s, k, options);
-    if (summary.solve.accepted == 0) return summary;
-    due_.moved(adjustment.points());
-    due_.changed(adjustment.points_that_lost_views());
+    if (summary.solve.accepted != 0) {
+      due_.moved(adjustment.points());
+      due_.changed(adjustment.points_that_lost_views());
+    }
     update_due(mapping_stage::adjustment);
     return summary;
   }
 
   /// Looks for duplicates between a keyframe's points and those of its neighbourhood, both ways, as the stage `fusion` does: after
   /// poses were corrected, so that points on the two sides of a loop are found to be one [ORB-SLAM3]. For the thread that
-  /// calls process(), between two calls. No deadline holds. Appearances follow; fused, held, refused and points_updated of the
-  /// last report() grow. After an exception the map is sound, and report().fused as before.
+  /// calls process(), between two calls. No deadline holds. Appearances follow; fused, held, ms (by the appearances), refused
+  /// and points_updated of the last report() grow. After an exception the map is sound, and report().fused as before.
   /// \throws std::invalid_argument  as process()
   fusion_summary fuse_around(const keyframe& k) {
+    require_idle("fuse_around");
     require(!(k == keyframe{}), "keyframe", "none", "is not a keyframe of the map");
+    const in_progress fusing(*this);
     const scope s = scope_of(mapping_stage::fusion);
     stage_keyframe current;
     {
@@ -252,8 +258,8 @@ class local_mapper {
     return found;
   }
 
-  /// Normals and distance ranges of points whose position was changed, e.g. in the adjust hook: during process() they are
-  /// computed at its end, with all that is due by then, otherwise at once.
+  /// Normals and distance ranges of points whose position was changed, e.g. in the adjust hook: during process(),
+  /// adjust_globally() and fuse_around() they are computed at its end, with all that is due by then, otherwise at once.
   void update_geometry(span<const point> points) {
     if constexpr (is_mirrored_v<Map>)
       append(points, moved_);
@@ -284,7 +290,7 @@ class local_mapper {
  private:
   enum piece : std::size_t { search_a_neighbour, create_all, fuse_a_target, fuse_back, cull_a_keyframe, pieces };
 
-  /// While process() runs. At its end, also with an exception, no keyframe stays pinned.
+  /// While process(), adjust_globally() or fuse_around() runs. At its end, also with an exception, no keyframe stays pinned.
   struct in_progress {
     explicit in_progress(local_mapper& mapper) : mapper_(mapper) { mapper.processing_ = true; }
     in_progress(const in_progress&) = delete;
@@ -328,6 +334,9 @@ class local_mapper {
       return keyframe_traits<Data>::keypoint_count(data);
     else
       return 0;
+  }
+  void require_idle(const char* call) const {
+    require(!processing_, call, "in a hook", "must wait until the call that runs has ended");
   }
   /// keyframe_store::clear() may have taken it out before.
   void erase_from_store(keyframe_handle handle) {
@@ -425,6 +434,7 @@ class local_mapper {
     return mapping_stage::keyframe_culling;
   }
   void update_due(mapping_stage s) {
+    if (due_.empty() && moved_.empty() && changed_.empty()) return;
     const double begin = budget_.elapsed_ms();
     take_reported();
     report_.points_updated += due_.update(scope_of(s), appearance());

@@ -466,6 +466,41 @@ TEST_CASE("fuse_around knows no deadline, and keeps the report of the stage") {
   CHECK(r.sound());
 }
 
+TEST_CASE("what a map says while it is fused or adjusted on request waits until that ends") {
+  const auto c = stereo_case(noisy(11));
+  const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
+  mapping_run<watched, sequential, turbomap::local_adjustment<watched, sequential>> run(scene, c.options);
+  run.steps(4);
+  using traits = turbomap::map_traits<watched>;
+  const auto last = run.keyframes().back();
+  turbomap::map_point_id p{};
+  for (std::size_t i = 0; !traits::alive(run.map, p); ++i) p = traits::point_at(run.map, last, i);
+  const auto normal = traits::normal(run.map, p);
+  traits::set_appearance(run.map, p, {}, 0, 0, traits::descriptor_data(run.map, p));
+  // A plain mutex: to compute at once would wait for ever.
+  run.map.watch.before = [&] {
+    if (run.map.watch.held) throw std::logic_error("the guard is taken twice");
+  };
+  run.map.watch.after = [&] {
+    run.mapper.update_appearance(turbomap::span<const turbomap::map_point_id>(&p, 1));
+    CHECK_THROWS_AS(run.mapper.reset(), std::invalid_argument);
+    CHECK_THROWS_AS(run.mapper.fuse_around(last), std::invalid_argument);
+  };
+  turbomap::global_adjustment_options options;
+  options.scales = c.recipe.scales;
+  SUBCASE("fused") { run.mapper.fuse_around(last); }
+  SUBCASE("adjusted") { CHECK(run.mapper.adjust_globally(last, options).solve.accepted > 0); }
+  SUBCASE("stopped before it was adjusted") {
+    const std::atomic<bool> stop{true};
+    options.solve.stop = &stop;
+    CHECK(run.mapper.adjust_globally(last, options).solve.accepted == 0);
+  }
+  const auto now = traits::normal(run.map, p);
+  CHECK(now.x * normal.x + now.y * normal.y + now.z * normal.z > 0.9F);
+  run.map.watch.before = run.map.watch.after = nullptr;
+  run.mapper.reset();
+}
+
 TEST_CASE("a keyframe of a store that was cleared can be removed") {
   stereo_run<> r;
   r.run.steps(2);
