@@ -44,7 +44,8 @@ COLOURS = ["#06c", "#c60", "#090", "#b0b", "#888", "#c22"]
 
 def parse_arguments():
     p = replays.common_arguments(__doc__.split("\n\n")[0])
-    p.add_argument("--quick", action="store_true", help="stress test and repetition under one policy, one simulated trajectory")
+    p.add_argument("--quick", action="store_true", help="stress test under one policy, one simulated trajectory, fewer repetitions")
+    p.add_argument("--runs", type=int, help="replays of each recording and policy, of which the fastest counts; default 3, --quick 2")
     p.add_argument("--policies", type=replays.words, help="default: seq, omp, tbb and cuda, as far as they run here")
     p.add_argument("--trajectories", type=replays.words, help="of simulated recordings; default: all, --quick: builtin")
     p.add_argument("--keyframes", type=int, help="per simulated recording; default 100, --quick 40")
@@ -58,6 +59,7 @@ def parse_arguments():
     args = p.parse_args()
     args.policy, args.seeds, args.noise, args.drift = "seq", ["1"], ["0.5"], "0.01"
     args.rigs = [rig for rig in replays.RIGS if rig != "mono" and not (args.no_inertial and rig.endswith("inertial"))]
+    args.runs = max(args.runs or (2 if args.quick else 3), 1)
     args.keyframes = args.keyframes or (40 if args.quick else 100)
     args.trajectories = args.trajectories or (["builtin"] if args.quick else None)
     return args
@@ -169,17 +171,17 @@ def minutes(seconds):
 def run_all(args, made, names):
     """{(case name, policy, what): JSON}"""
     jobs = []
-    threads = {"1": {"OMP_NUM_THREADS": "1"}, "2": {"OMP_NUM_THREADS": "2"}}
+    threads = ["1"] if args.quick else ["1", "2"]
     stressed = names[:1] if args.quick else names
     for case in made:
         for policy in names:
             if policy == "cuda" and "--imu" in case.options:
                 continue
-            jobs.append((case, policy, "alone", dict(growth=True), []))
-        if not args.quick or not case.command:
-            jobs.append((case, names[0], "again", dict(run="again"), []))
+            jobs += [(case, policy, f"run {n}", dict(run=f"run {n}", growth=True), []) for n in range(1, args.runs + 1)]
+        if not args.quick or not (case.command or case.options):
             for count in threads if "omp" in names else ():
-                jobs.append((case, "omp", f"{count} threads", dict(run=f"threads {count}", environment=threads[count]), []))
+                more = dict(run=f"threads {count}", environment={"OMP_NUM_THREADS": count})
+                jobs.append((case, "omp", f"OMP_NUM_THREADS={count}", more, []))
         if not case.command and "--imu" not in case.options:
             jobs += [(case, policy, "rate " + rate, {}, ["--rate", rate]) for policy in stressed for rate in RATES]
     weights = [keyframe_count(args, case) for case, *_ in jobs]
@@ -265,42 +267,58 @@ def ceres_clock(args):
     return get(json.loads(result.read_text()), "ceres", "ms_per_iteration")
 
 
+def runs(results, case, policy):
+    """JSONs of the replays that times are taken from."""
+    return [found for (name, by, what), found in results.items()
+            if (name, by) == (case.name, policy) and what.startswith("run ") and "stages" in found]
+
+
+def keyframe_times(results, case, policy):
+    """[{stage: ms}] by keyframe, of each keyframe and stage the fastest run: all runs do the same work, and what else a machine
+    does only adds to it."""
+    tables = []
+    for found in runs(results, case, policy):
+        with open(found["growth_file"], newline="") as file:
+            tables.append([{stage: float(row[stage]) for stage in STAGES[:-1]} for row in csv.DictReader(file)])
+    fastest = [{stage: min(row[stage] for row in rows) for stage in STAGES[:-1]} for rows in zip(*tables)]
+    return [{**row, "total": sum(row.values())} for row in fastest]
+
+
+def mean_times(rows):
+    """{stage: (mean, standard deviation)}"""
+    return {s: (statistics.mean(r[s] for r in rows), statistics.pstdev(r[s] for r in rows)) for s in STAGES} if rows else {}
+
+
+def shown_times(times):
+    return {stage: f"{show(mean)} +- {show(deviation)}" for stage, (mean, deviation) in times.items()}
+
+
 def gain_of_paper(name):
     return next((gain for family, gain in PAPER.items() if name.startswith(family)), None)
 
 
 def table_one(made, names, results):
     t = table("Local mapping: times and errors",
-              "ms per keyframe, mean +- standard deviation, without the first 11 keyframes. Peer: the recorded system, one thread, "
-              "at the time and on the machine of the recording, not beside these runs.", ["recording", "who"])
+              "ms per keyframe, mean +- standard deviation over the keyframes, without the first 11; of each keyframe and stage the fastest "
+              "run. Peer: the recorded system, one thread, at the time and on the machine of the recording, not beside these runs.",
+              ["recording", "who"])
     g = table("Speed-ups over the peer",
               "The peer's mean over ours. TurboMap (theirs): the average gain over its own baseline, of whole mapping with a GPU, "
               "that its abstract states; other machine, other runs. Its gains per stage are not compared.", ["recording", "who"])
     below = []
     for case in made:
-        peer = [row for row in peer_rows(case.folder) if row["told"]]
+        peer = mean_times([row for row in peer_rows(case.folder) if row["told"]])
+        paper = gain_of_paper(case.name)
         if peer:
-            values = {}
-            for stage in STAGES:
-                ms = [row[stage] for row in peer]
-                values[stage] = f"{show(statistics.mean(ms))} +- {show(statistics.pstdev(ms))}"
-            first = results[case.name, names[0], "alone"]
-            t.add([case.name, "peer"], {**values, "ATE, mm": get(first, "peer_ate_rmse_m", scale=1000)})
+            errors = [e for p in names for e in [get(found, "peer_ate_rmse_m", scale=1000) for found in runs(results, case, p)] if e]
+            t.add([case.name, "peer"], {**shown_times(peer), "ATE, mm": errors[0] if errors else None})
         for policy in names:
-            found = results.get((case.name, policy, "alone"))
-            if not found or "stages" not in found:
+            times = mean_times(keyframe_times(results, case, policy)[WARM_UP:])
+            if not times:
                 continue
-            values, gains = {}, {}
-            for stage in STAGES:
-                ms, deviation = get(found, "stages", stage, "ms_mean"), get(found, "stages", stage, "ms_std")
-                if ms is not None:
-                    values[stage] = show(ms) + (f" +- {show(deviation)}" if deviation is not None else "")
-                    if peer:
-                        gains[stage] = ratio(statistics.mean(row[stage] for row in peer), ms)
-            values["ATE, mm"] = get(found, "ate_rmse_m", scale=1000)
-            t.add([case.name, policy], values)
-            if gains:
-                paper = gain_of_paper(case.name)
+            t.add([case.name, policy], {**shown_times(times), "ATE, mm": get(runs(results, case, policy)[0], "ate_rmse_m", scale=1000)})
+            if peer:
+                gains = {stage: ratio(peer[stage][0], times[stage][0]) for stage in STAGES}
                 g.add([case.name, policy], {**gains, "TurboMap (theirs), whole mapping": paper})
                 below += [f"{case.name}, {policy}, {s}: {show(x)}" for s, x in gains.items() if x is not None and paper and x < paper]
     if below:
@@ -328,16 +346,14 @@ def table_breakdown(made, names, results):
               "(the rest reads copies).", ["recording", "policy"])
     for case in made:
         for policy in names:
-            found = results.get((case.name, policy, "alone"), {})
-            values = {}
-            for stage in ("search", "creation", "fusion"):
-                values[stage] = get(found, "stages", stage, "ms_mean")
-                times, ms = (get(found, "guard_held", stage, key) for key in ("times", "ms_mean"))
-                keyframes = get(found, "keyframes")
-                if times and keyframes and keyframes > WARM_UP:
-                    values[f"{stage}, guard held"] = times * ms / (keyframes - WARM_UP)
-            if values["fusion"] is not None:
-                t.add([case.name, policy], values)
+            times, values = mean_times(keyframe_times(results, case, policy)[WARM_UP:]), {}
+            for stage in ("search", "creation", "fusion") if times else ():
+                values[stage] = times[stage][0]
+                held = [get(found, "guard_held", stage, "times", scale=get(found, "guard_held", stage, "ms_mean") or 0)
+                        for found in runs(results, case, policy)]
+                if None not in held:
+                    values[f"{stage}, guard held"] = min(held) / len(keyframe_times(results, case, policy)[WARM_UP:])
+            t.add([case.name, policy], values)
     return t
 
 
@@ -416,10 +432,7 @@ def plots(made, names, results):
     for case in made:
         lines = {}
         for policy in names:
-            path = results.get((case.name, policy, "alone"), {}).get("growth_file")
-            if path and os.path.exists(path):
-                with open(path, newline="") as file:
-                    lines[policy] = running_median([float(row["total"]) for row in csv.DictReader(file)])
+            lines[policy] = running_median([row["total"] for row in keyframe_times(results, case, policy)])
         peer = peer_rows(case.folder)
         if peer:
             lines["peer"] = running_median([row["total"] for row in peer])

@@ -4,7 +4,7 @@
 
 # usage: demo.sh TURBOMAP-REPLAY RECORDING POLICY
 # Replays the demo's recording: the JSON has the keys of the trajectory errors, and the map is worth showing. It is better than
-# the poses that came in, and not far from the best that the observations allow.
+# the poses that came in, and not far from the best that the observations allow. Keyframes that come all at once skip stages.
 set -eu -o pipefail
 most=${DEMO_TIMES_BOUND:-3}  # the error of the map, times that of the batch adjustment
 
@@ -28,4 +28,18 @@ awk -F '[:,]' -v most="$most" '
     if (!(value["observations_per_point"] >= 2)) fail("observations per point: " value["observations_per_point"])
     if (value["map_faults"] != 0) fail("the map has faults")
     exit failed
+  }' "$json"
+
+# All keyframes at once: each but the last finds the next one waiting.
+"$1" "$2" --policy "$3" --no-bound --rate 1e9 --json "$json" >/dev/null
+awk -F '[:,]' '
+  /^  "(keyframes|skipped)"/ || /^    "adjustment": [0-9]/ {
+    gsub(/[ "]/, "", $1)
+    value[$1] = $2 + 0
+  }
+  END {
+    if (value["skipped"] > 0 && value["skipped"] == value["keyframes"] - 1 && value["adjustment"] == value["skipped"]) exit 0
+    print "demo.sh: --rate: " value["skipped"] " of " value["keyframes"] " keyframes skipped a stage, " value["adjustment"] \
+          " their adjustment" > "/dev/stderr"
+    exit 1
   }' "$json"
