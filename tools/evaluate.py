@@ -18,6 +18,7 @@ import csv
 import datetime
 import html
 import json
+import math
 import os
 import pathlib
 import platform
@@ -52,6 +53,7 @@ def parse_arguments():
     p.add_argument("--no-recorded", action="store_true", help="simulated recordings only")
     p.add_argument("--no-simulated", action="store_true", help="recordings only")
     p.add_argument("--no-inertial", action="store_true", help="no replays with the recordings' IMU")
+    p.add_argument("--commit", help="that the programs were built from; default: that of this working tree")
     p.add_argument("--options", default="", help="for every replay")
     p.add_argument("--out", type=pathlib.Path, default=pathlib.Path("evaluation"), help="folder of the results")
     p.add_argument("--docs", type=pathlib.Path, metavar="PAGE", help="write the tables between the marks of this page too")
@@ -246,9 +248,9 @@ def machine(args, names, clock):
     t = table("Machine", "Where and when these figures were printed.", ["fact"])
     model = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")),
                  platform.processor()) if os.path.exists("/proc/cpuinfo") else platform.processor()
-    commit = subprocess.run(["git", "-C", str(replays.ROOT), "rev-parse", "--short", "HEAD"], capture_output=True, text=True)
+    head = subprocess.run(["git", "-C", str(replays.ROOT), "rev-parse", "--short", "HEAD"], capture_output=True, text=True)
     for fact, value in (("processor", f"{model}, {os.cpu_count()} threads"), ("date", datetime.date.today().isoformat()),
-                        ("commit", commit.stdout.strip() or "unknown"), ("policies", ", ".join(names)),
+                        ("commit of the programs", args.commit or head.stdout.strip() or "unknown"), ("policies", ", ".join(names)),
                         ("options", " ".join(["--quick"] * args.quick + ["--no-inertial"] * args.no_inertial) or "none"),
                         ("Ceres' clock", f"{clock:.1f} ms per iteration" if clock else "not measured: no Ceres or no data")):
         t.add([fact], {"value": value})
@@ -291,6 +293,48 @@ def mean_times(rows):
 
 def shown_times(times):
     return {stage: f"{show(mean)} +- {show(deviation)}" for stage, (mean, deviation) in times.items()}
+
+
+def bundles(args):
+    """{name: JSON of turbomap-ceres-bundle, or of turbomap-bundle where Ceres is not} of the BAL files in DATA/bal*/."""
+    program = next((p for p in (args.bin / "turbomap-ceres-bundle", args.bin / "turbomap-bundle") if p.exists()), None)
+    found = {}
+    for problem in sorted(args.data.glob("bal*/problem*.txt")) if program else ():
+        result = args.work / "results" / replays.digest(str(program)) / f"{problem.stem}.json"
+        if not result.exists():
+            result.parent.mkdir(parents=True, exist_ok=True)
+            unfinished = result.with_suffix(".new")
+            subprocess.run([str(program), str(problem), "--iterations", "50", "--repeat", "3", "--json", str(unfinished)],
+                           capture_output=True)
+            if not unfinished.exists():
+                continue
+            unfinished.rename(result)
+        found[problem.stem] = json.loads(result.read_text())
+    return found
+
+
+def costs_over_time(found):
+    """[(ms, cost)] of ours; the start at 0."""
+    ours = found.get("turbomap", found)
+    return [(i * ours["ms_per_iteration"], cost) for i, cost in enumerate([ours["cost_initial"], *ours.get("costs", [])])]
+
+
+def best_cost(found):
+    return min(cost for cost in (get(found.get("turbomap", found), "cost_final"), get(found, "ceres", "cost_final")) if cost is not None)
+
+
+def table_bundle(found_by_name):
+    t = table("Bundle adjustment of BAL files", "One thread, at most 50 iterations, medians of 3; ms without the set-up. The best cost: the "
+              "lowest that ours or Ceres reached.", ["problem"])
+    for name, found in found_by_name.items():
+        ours, best = found.get("turbomap", found), best_cost(found)
+        reached = [ms for ms, cost in costs_over_time(found) if cost <= 1.01 * best]
+        t.add([name], {"cost at the start": get(ours, "cost_initial"), "final cost": get(ours, "cost_final"),
+                       "Ceres: final cost": get(found, "ceres", "cost_final"), "iterations": get(ours, "iterations"),
+                       "ms per iteration": get(ours, "ms_per_iteration"),
+                       "Ceres: ms per iteration": get(found, "ceres", "ms_per_iteration"),
+                       "ms to within 1 % of the best cost": reached[0] if reached else "not reached"})
+    return t
 
 
 def gain_of_paper(name):
@@ -426,9 +470,13 @@ def running_median(values, half=5):
     return [(i, statistics.median(values[max(0, i - half):i + half + 1])) for i in range(len(values))]
 
 
-def plots(made, names, results):
+def plots(made, names, results, adjusted):
     """{file name: SVG}"""
     drawn = {}
+    for name, found in adjusted.items():
+        best = best_cost(found)
+        line = [(ms, max(math.log10(cost / best), 0)) for ms, cost in costs_over_time(found)] if best > 0 else []
+        drawn[file_name("cost " + name)] = plot(f"{name}: cost over time", "ms", "log10 of cost / best cost", {"ours": line})
     for case in made:
         lines = {}
         for policy in names:
@@ -506,7 +554,7 @@ def main():
         results = run_all(args, made, names)
     except KeyboardInterrupt:
         sys.exit(f"\nevaluate: stopped. What is done is kept in {args.work}: the same command goes on from there")
-    clock = ceres_clock(args)
+    clock, adjusted = ceres_clock(args), bundles(args)
     times, gains, sentence = table_one(made, names, results)
     summary = table("Summary", sentence, ["what"])
     faults = [(name, policy, what, found["failed"]) for (name, policy, what), found in results.items() if "failed" in found]
@@ -514,14 +562,14 @@ def main():
     summary.add(["replays"], {"count": len(results)})
     summary.add(["failed"], {"count": len(faults)})
     tables = [summary, machine(args, names, clock), times, gains, scaled(gains, clock), table_breakdown(made, names, results),
-              table_stress(made, names, results), table_determinism(made, results)]
+              table_stress(made, names, results), table_determinism(made, results), table_bundle(adjusted)]
     if faults:
         failed = table("Failed", "What went wrong.", ["recording", "policy", "what"])
         for name, policy, what, fault in faults:
             failed.add([name, policy, what], {"fault": fault.split("\n")[-1]})
         tables.append(failed)
     tables = [t for t in tables if t and t.rows]
-    drawn = plots(made, names, results)
+    drawn = plots(made, names, results, adjusted)
     args.out.mkdir(parents=True, exist_ok=True)
     write_csv(args.out / "evaluation.csv", tables)
     (args.out / "evaluation.md").write_text("# Evaluation of local mapping\n\n" + block(tables) + "\n")

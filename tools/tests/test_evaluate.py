@@ -45,6 +45,14 @@ pathlib.Path(option("--json", "")).write_text(json.dumps(found))
 """
 
 
+# Costs 100, 50, 10.05, 10 after 0, 1, 2, 3 iterations of 4 ms.
+BUNDLE_STUB = """#!{python}
+import json, pathlib, sys
+found = {{"cost_initial": 100, "costs": [50, 10.05, 10], "cost_final": 10, "iterations": 3, "ms_per_iteration": 4.0}}
+pathlib.Path(sys.argv[sys.argv.index("--json") + 1]).write_text(json.dumps(found))
+"""
+
+
 class evaluation(unittest.TestCase):
     def setUp(self):
         self.folder = tempfile.TemporaryDirectory()
@@ -61,6 +69,10 @@ class evaluation(unittest.TestCase):
             for i in range(31):
                 out.writerow([i, 100 + 0.2 * i, *[20] * len(evaluate.PEER_COLUMNS), 25, 0])
         self.write_stub("ab")
+        (self.root / "bin/turbomap-bundle").write_text(BUNDLE_STUB.format(python=sys.executable))
+        (self.root / "bin/turbomap-bundle").chmod(0o755)
+        (self.root / "data/bal-tiny").mkdir()
+        (self.root / "data/bal-tiny/problem-1.txt").write_text("")
 
     def tearDown(self):
         self.folder.cleanup()
@@ -105,8 +117,10 @@ class evaluation(unittest.TestCase):
         self.assertEqual(self.figure(stress, ("euroc_tiny", "1x", "peer"), "latency, median"), "125")
         self.assertEqual(self.figure(stress, ("euroc_tiny", "8x", "peer"), "skipped fusions"), "30")  # 65 ms of a 25 ms interval
         self.assertEqual(self.figure("The same map every time", ("euroc_tiny",), "different"), "none")
+        bundle = "Bundle adjustment of BAL files"
+        self.assertEqual(self.figure(bundle, ("problem-1",), "ms to within 1 % of the best cost"), "8")
         page = (self.root / "out/evaluation.html").read_text()
-        self.assertEqual(page.count("<svg"), 2)
+        self.assertEqual(page.count("<svg"), 3)
         self.assertNotIn("src=", page)  # nothing else is needed
 
     def test_goes_on_where_it_was(self):
