@@ -14,6 +14,10 @@ function(turbomap_compile_into target)
     set(arg_TYPES "turbomap/precompiled_types.hpp")
   endif()
   set(folder "${CMAKE_CURRENT_FUNCTION_LIST_DIR}/precompiled")
-  target_sources(${target} PRIVATE "${folder}/searches.cpp" "${folder}/adjustments.cpp")
+  set(files "${folder}/searches.cpp" "${folder}/adjustments.cpp")
+  target_sources(${target} PRIVATE ${files})
+  # A header of ours that is parsed before they begin declares the instances that they are to compile.
+  set_source_files_properties(${files} TARGET_DIRECTORY ${target}
+                              PROPERTIES SKIP_PRECOMPILE_HEADERS ON SKIP_UNITY_BUILD_INCLUSION ON)
   target_compile_definitions(${target} PRIVATE "$<$<COMPILE_LANGUAGE:CXX>:TURBOMAP_PRECOMPILED=\"${arg_TYPES}\">")
 endfunction()

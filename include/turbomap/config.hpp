@@ -5,9 +5,7 @@
 /// \file
 /// The only file that asks the compiler what it is. Everything else uses the names defined here.
 
-#define TURBOMAP_VERSION_MAJOR 0
-#define TURBOMAP_VERSION_MINOR 1
-#define TURBOMAP_VERSION_PATCH 0
+#include "version.hpp"
 
 #if defined(__CUDACC__)
 #define TURBOMAP_HAS_CUDA 1
