@@ -9,6 +9,7 @@
 #include <turbomap/store/keyframe_store.hpp>
 #include <turbomap/traits.hpp>
 
+#include <array>
 #include <cstring>
 #include <memory>
 #include <mutex>
@@ -47,6 +48,12 @@ struct frame_guard {
 struct flat {
   turbomap_test::sample_keyframe arrays;
 };
+
+/// Descriptors as objects, which may be too short.
+struct loose {
+  std::vector<std::vector<std::uint8_t>> bits;
+};
+struct halved {};
 
 struct incomplete {};
 struct unknown {};
@@ -88,6 +95,24 @@ struct turbomap::keyframe_traits<users::flat> {
 };
 
 template <>
+struct turbomap::keyframe_traits<users::loose> {
+  using descriptor = turbomap_test::sample_descriptor;
+  using rig = turbomap::mono_rig<turbomap::pinhole<float>>;
+  static std::size_t keypoint_count(const users::loose& f) { return f.bits.size(); }
+  static turbomap::keypoint keypoint(const users::loose&, std::size_t) { return {}; }
+  static std::vector<std::uint8_t> descriptor_data(const users::loose& f, std::size_t i) { return f.bits[i]; }
+  static rig cameras(const users::loose&) {
+    return turbomap::make_mono_rig(turbomap::pinhole<float>{400, 400, 320, 240});
+  }
+};
+template <>
+struct turbomap::keyframe_traits<users::halved> : turbomap::keyframe_traits<users::loose> {
+  static std::size_t keypoint_count(const users::halved&) { return 1; }
+  static turbomap::keypoint keypoint(const users::halved&, std::size_t) { return {}; }
+  static std::array<std::uint8_t, 16> descriptor_data(const users::halved&, std::size_t) { return {}; }
+  static rig cameras(const users::halved&) { return {}; }
+};
+template <>
 struct turbomap::keyframe_traits<users::incomplete> {
   using descriptor = turbomap_test::sample_descriptor;
 };
@@ -98,6 +123,8 @@ using namespace turbomap_test;
 
 static_assert(turbomap::has_keyframe_traits_v<users::frame>);
 static_assert(turbomap::has_keyframe_traits_v<users::flat>);
+static_assert(turbomap::has_keyframe_traits_v<users::loose>);
+static_assert(!turbomap::has_keyframe_traits_v<users::halved>);  // 16 of 32 bytes
 static_assert(!turbomap::has_keyframe_traits_v<users::incomplete>);
 static_assert(!turbomap::has_keyframe_traits_v<users::unknown>);
 static_assert(turbomap::require_keyframe_traits<users::flat>());
@@ -139,6 +166,20 @@ TEST_CASE("a pointer-rich keyframe is read under its guard") {
   users::frame empty;
   store.insert(empty);
   CHECK(store.size() == 2);
+}
+
+TEST_CASE("a descriptor that is too short is refused") {
+  users::loose f{{std::vector<std::uint8_t>(32, 1), std::vector<std::uint8_t>(33, 2)}};
+  store_type store;
+  turbomap::keyframe_buffer<sample_descriptor, sample_camera> buffer;
+  CHECK(turbomap::gather(f, buffer).descriptors[32] == 2);
+  for (const std::size_t size : {0, 31}) {
+    f.bits[1].resize(size);
+    CHECK_THROWS_WITH_AS(store.insert(f),
+                         "turbomap: keypoint without descriptor_data = 1: there is a descriptor for every keypoint",
+                         std::invalid_argument);
+  }
+  CHECK(store.size() == 0);
 }
 
 TEST_CASE("through traits or as arrays, the same bytes are stored") {

@@ -80,24 +80,38 @@ struct fit_of_member<Member, M, T, std::void_t<Member<M, T>>> {
   using type = Member<M, T>;
 };
 
-/// Where the elements of a descriptor are that traits gave: at a pointer, or in an object that has data(), by value too. The object
-/// must live as long as they are read.
-template <class Element, class Given>
-const Element* elements_of(const Given& given) {
-  if constexpr (std::is_convertible_v<const Given&, const Element*>)
+template <class M, class Given>
+using has_size = if_converts<decltype(std::declval<const Given&>().size()), std::size_t>;
+/// Where the elements of a descriptor are that traits gave: at a pointer, or in an object that has data(), by value too; null where
+/// that has too few. The object must live as long as they are read.
+template <class Descriptor, class Given>
+const typename Descriptor::element* elements_of(const Given& given) {
+  if constexpr (std::is_convertible_v<const Given&, const typename Descriptor::element*>) {
     return given;
-  else
+  } else {
+    if constexpr (has_member<has_size, void, Given>::value)
+      if (static_cast<std::size_t>(given.size()) < static_cast<std::size_t>(Descriptor::elements)) return nullptr;
     return given.data();
+  }
 }
-/// The elements of one descriptor: a pointer, or an object that has data().
-template <class Element>
+/// The elements of one descriptor: a pointer, or an object that has data(), with enough elements where its type tells.
+template <class Element, std::size_t Elements>
 struct elements_at {};
+template <class Descriptor>
+using elements_in = elements_at<typename Descriptor::element, static_cast<std::size_t>(Descriptor::elements)>;
+template <class Given, class = void>
+struct fixed_size {
+  static constexpr std::size_t value = static_cast<std::size_t>(-1);  // known at run time
+};
+template <class Given>
+struct fixed_size<Given, std::void_t<decltype(std::tuple_size<Given>::value)>> : std::tuple_size<Given> {};
 template <class Element, class Given>
 using has_data = if_converts<decltype(std::declval<const Given&>().data()), const Element*>;
-template <class Got, class Element>
-struct fits<Got, elements_at<Element>> {
+template <class Got, class Element, std::size_t Elements>
+struct fits<Got, elements_at<Element, Elements>> {
   static constexpr bool value =
-      std::is_convertible_v<Got, const Element*> || has_member<has_data, Element, std::decay_t<Got>>::value;
+      std::is_convertible_v<Got, const Element*> ||
+      (has_member<has_data, Element, std::decay_t<Got>>::value && fixed_size<std::decay_t<Got>>::value >= Elements);
 };
 
 /// Whether class T has a member of this name, whatever it takes. `Name<void, X>` is decltype(&X::name) and Names a class with that
@@ -137,8 +151,8 @@ using keypoint_count_member = fits<decltype(T::keypoint_count(std::declval<const
 template <class K, class T>
 using keypoint_member = fits<decltype(T::keypoint(std::declval<const K&>(), std::size_t{})), turbomap::keypoint>;
 template <class K, class T>
-using descriptor_data_member = fits<decltype(T::descriptor_data(std::declval<const K&>(), std::size_t{})),
-                                    elements_at<typename T::descriptor::element>>;
+using descriptor_data_member =
+    fits<decltype(T::descriptor_data(std::declval<const K&>(), std::size_t{})), elements_in<typename T::descriptor>>;
 template <class K, class T>
 using bounds_member = if_converts<decltype(T::bounds(std::declval<const K&>())), image_bounds>;
 template <class K, class T>

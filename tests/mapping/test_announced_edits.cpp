@@ -7,9 +7,10 @@
 
 #include <doctest/doctest.h>
 
-#include <array>
 #include <cstdint>
 #include <set>
+#include <stdexcept>
+#include <vector>
 
 #include "local_mapper_cases.hpp"
 #include "scenes/map_scene.hpp"
@@ -23,6 +24,7 @@ struct announcing_map : flat_map {
   using flat_map::flat_map;
   std::set<std::uint64_t> created, merged, erased;
   int wrong = 0;
+  std::size_t descriptor_bytes = 32;
 };
 
 }  // namespace turbomap_test
@@ -34,11 +36,9 @@ struct turbomap::map_traits<turbomap_test::announcing_map<Mirrored>> : turbomap:
   using point = base::point;
   static constexpr bool mirrored = Mirrored;
 
-  static std::array<std::uint8_t, 32> descriptor_data(const map& m, point p) {
-    std::array<std::uint8_t, 32> copy{};
+  static std::vector<std::uint8_t> descriptor_data(const map& m, point p) {
     const auto* d = base::descriptor_data(m, p);
-    for (auto& byte : copy) byte = *d++;
-    return copy;
+    return {d, d + m.descriptor_bytes};
   }
   static void created(map& m, point p) {
     int views = 0;
@@ -100,6 +100,30 @@ void check_announced() {
 
 TEST_CASE("what is announced under the guard has happened, and all of it is") { check_announced<false>(); }
 TEST_CASE("the same of a map that is mirrored") { check_announced<true>(); }
+
+template <bool Mirrored>
+void check_short_descriptors() {
+  stereo_run<announcing_map<Mirrored>> r;
+  for (int n = 0; n < 4; ++n) r.run.step();
+  for (const std::size_t bytes : {0, 31}) {
+    r.run.map.descriptor_bytes = bytes;
+    r.run.mapper.refresh();
+    CHECK_THROWS_AS(r.run.mapper.fuse_around(r.run.keyframes().back()), std::invalid_argument);
+    std::vector<turbomap::map_point_id> points;
+    turbomap::map_traits<flat_map>::for_each_point(r.run.map, [&](turbomap::map_point_id p) { points.push_back(p); });
+    CHECK_THROWS_AS(r.run.mapper.update_geometry(points), std::invalid_argument);
+    CHECK(turbomap::validate(r.run.map).empty());
+  }
+  r.run.map.descriptor_bytes = 32;
+  r.run.mapper.refresh();
+  r.run.step();
+  CHECK(turbomap::validate(r.run.map).empty());
+}
+
+TEST_CASE("points whose descriptor is missing or too short are refused") {
+  check_short_descriptors<false>();
+  check_short_descriptors<true>();
+}
 
 template <class Map>
 void check_restarted() {

@@ -14,6 +14,7 @@
 #include <turbomap/map/map_traits.hpp>
 #include <turbomap/traits.hpp>
 
+#include <array>
 #include <mutex>
 #include <string>
 
@@ -43,6 +44,8 @@ struct turbomap::keyframe_traits<my::KeyFrame> {
 #endif
 #ifdef FLOAT_DESCRIPTOR
   static const float* descriptor_data(const my::KeyFrame&, std::size_t) { return nullptr; }
+#elif defined(HALF_DESCRIPTOR)
+  static std::array<std::uint8_t, 16> descriptor_data(const my::KeyFrame&, std::size_t) { return {}; }
 #else
   static const std::uint8_t* descriptor_data(const my::KeyFrame&, std::size_t) { return nullptr; }
 #endif

@@ -77,7 +77,7 @@ template <class M, class T>
 using needed_max_distance = fits<decltype(T::max_distance(read_map<M>(), a_point<T>())), float>;
 template <class M, class T>
 using needed_descriptor_data =
-    fits<decltype(T::descriptor_data(read_map<M>(), a_point<T>())), elements_at<typename T::descriptor::element>>;
+    fits<decltype(T::descriptor_data(read_map<M>(), a_point<T>())), elements_in<typename T::descriptor>>;
 template <class M, class T>
 using needed_reference = fits<decltype(T::reference(read_map<M>(), a_point<T>())), keyframe_of<T>>;
 template <class M, class T>

@@ -13,6 +13,7 @@
 #include "../config.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/numbering.hpp"
+#include "../map/point_descriptor.hpp"
 #include "../map/validate.hpp"
 #include "../plain_vector.hpp"
 #include "in_pieces.hpp"
@@ -117,7 +118,7 @@ class appearance_update {
         write(descriptors_.data() + i * static_cast<std::size_t>(descriptor::elements));
       } else {
         const auto& given = traits::descriptor_data(s.map, p);
-        write(detail::elements_of<typename descriptor::element>(given));
+        write(detail::point_descriptor(s.map, p, given));
       }
       if constexpr (detail::map_has_v<Map, detail::map_covariance_member>)
         if (options.covariance) traits::set_covariance(s.map, p, u.covariance);

@@ -13,6 +13,7 @@
 #include "../fusion/duplicate_options.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/numbering.hpp"
+#include "../map/point_descriptor.hpp"
 #include "../map/validate.hpp"
 #include "../plain_vector.hpp"
 #include "keyframe_selection.hpp"
@@ -122,7 +123,7 @@ class duplicate_snapshot {
     if constexpr (detail::map_has_v<Map, detail::map_covariance_member>)
       if (keeps_covariances_) covariances_.push_back(traits::covariance(map, p));
     const auto& given = traits::descriptor_data(map, p);
-    descriptors_.append(detail::elements_of<typename descriptor::element>(given), descriptor::elements);
+    descriptors_.append(detail::point_descriptor(map, p, given), descriptor::elements);
   }
 
   point_numbering<Map> seen_;

@@ -178,14 +178,14 @@ class inertial_initialisation {
     return {x.x, x.y, x.z};
   }
   static void scale_point(Map& map, const typename traits::point& p, double scale) {
-    using element = typename traits::descriptor::element;
     const auto s = static_cast<float>(scale);
     const vec3<double> x = position_of(map, p);
     const auto n = traits::normal(map, p);
     const float nearest = s * traits::min_distance(map, p), farthest = s * traits::max_distance(map, p);
     traits::set_position(map, p, {scale * x.x, scale * x.y, scale * x.z});
     const auto& given = traits::descriptor_data(map, p);  // valid until the next call: asked for last
-    traits::set_appearance(map, p, {n.x, n.y, n.z}, nearest, farthest, detail::elements_of<element>(given));
+    traits::set_appearance(map, p, {n.x, n.y, n.z}, nearest, farthest,
+                           detail::elements_of<typename traits::descriptor>(given));
     if constexpr (detail::map_has_v<Map, detail::map_covariance_member>) {
       const point_covariance c = traits::covariance(map, p);
       const float q = s * s;

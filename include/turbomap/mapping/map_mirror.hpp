@@ -24,6 +24,7 @@
 #include "../map/map_edit.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/observation_counts.hpp"
+#include "../map/point_descriptor.hpp"
 #include "../map/simple_map/map_ids.hpp"
 #include "../map/simple_map/observation_pool.hpp"
 #include "../plain_vector.hpp"
@@ -422,7 +423,7 @@ class map_mirror {
     ranges_[p] = {user_traits::min_distance(map_, name), user_traits::max_distance(map_, name)};
     if constexpr (has_covariances) covariances_[p] = user_traits::covariance(map_, name);
     const auto& given = user_traits::descriptor_data(map_, name);
-    const element* const d = detail::elements_of<element>(given);
+    const element* const d = detail::point_descriptor(map_, name, given);
     for (std::size_t e = 0; e < elements; ++e) descriptors_[p * elements + e] = d[e];
     points_[p].reference = number(user_traits::reference(map_, name));
     read_list(p, name);

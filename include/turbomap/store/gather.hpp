@@ -61,8 +61,8 @@ auto guard_of([[maybe_unused]] const KeyFrame& keyframe) {
 }  // namespace detail
 
 /// Copies keypoints, descriptors and cameras of a keyframe into `buffer`, under the guard of its traits if there is
-/// one, and returns the data, which point into the buffer. Throws std::invalid_argument when a descriptor is null or
-/// there are more than 2^31 - 1 keypoints, and what the traits throw. O(N).
+/// one, and returns the data, which point into the buffer. Throws std::invalid_argument when a descriptor is null or too
+/// short, or there are more than 2^31 - 1 keypoints, and what the traits throw. O(N).
 template <class KeyFrame, class Descriptor, class Camera>
 keyframe_data<Descriptor, Camera> gather(const KeyFrame& keyframe, keyframe_buffer<Descriptor, Camera>& buffer) {
   keyframe_data<Descriptor, Camera> data;
@@ -82,7 +82,7 @@ keyframe_data<Descriptor, Camera> gather(const KeyFrame& keyframe, keyframe_buff
     for (std::size_t i = 0; i < n; ++i) {
       buffer.keypoints[i] = traits::keypoint(keyframe, i);
       const auto& given = traits::descriptor_data(keyframe, i);  // a value lives until it is copied
-      const auto* descriptor = detail::elements_of<typename Descriptor::element>(given);
+      const auto* descriptor = detail::elements_of<Descriptor>(given);
       require(descriptor != nullptr, "keypoint without descriptor_data", i, "there is a descriptor for every keypoint");
       std::copy_n(descriptor, elements, buffer.descriptors.data() + i * elements);
     }
