@@ -460,6 +460,8 @@ class local_mapper {
     if (search_.snapshot(s, current, options_.neighbours,
                          [this](std::size_t n) { return budget_.fitting(search_a_neighbour, n); }))
       cut(search_a_neighbour);
+    stopped_ = search_.selection().size() == 0;  // erased meanwhile: nothing is left to do for it
+    if (stopped_) return;
     report_.neighbours = search_.neighbour_count();
     search_options options = options_.search;
     if (options_.creation.rule == creation_rule::tracks)

@@ -30,22 +30,6 @@ using watched = watched_map<turbomap::binary_descriptor<256>>;
 using traits = turbomap::map_traits<watched>;
 using run_type = mapping_run<watched, sequential_policy, turbomap::local_adjustment<watched, sequential_policy>>;
 
-/// Every pose and position of the map is moved by `shift` along x, as after a loop was closed. The caller holds the guard.
-void move_all(watched& map, double shift) {
-  traits::for_each_keyframe(map, [&](turbomap::map_keyframe_id k) {
-    auto T = traits::pose(map, k);
-    const Eigen::Quaterniond q(T.qw, T.qx, T.qy, T.qz);
-    const Eigen::Vector3d t = q * Eigen::Vector3d(shift, 0, 0);
-    T.tx -= t.x(), T.ty -= t.y(), T.tz -= t.z();
-    traits::set_pose(map, k, T);
-  });
-  traits::for_each_point(map, [&](turbomap::map_point_id p) {
-    auto x = traits::position(map, p);
-    x.x += shift;
-    traits::set_position(map, p, x);
-  });
-}
-
 TEST_CASE("the map is the same whatever the size of a part") {
   std::string expected;
   for (const int part : {0, 1, 7, 1000}) {

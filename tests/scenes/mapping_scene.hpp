@@ -209,6 +209,24 @@ std::string content(const Map& map, bool computed = true) {
   return bytes;
 }
 
+/// Every pose and position of the map is moved by `shift` (m) along x, as after a loop was closed. The caller holds the guard.
+template <class Map>
+void move_all(Map& map, double shift) {
+  using traits = turbomap::map_traits<Map>;
+  traits::for_each_keyframe(map, [&](typename traits::keyframe k) {
+    auto T = traits::pose(map, k);
+    const Eigen::Quaterniond q(T.qw, T.qx, T.qy, T.qz);
+    const Eigen::Vector3d t = q * Eigen::Vector3d(shift, 0, 0);
+    T.tx -= t.x(), T.ty -= t.y(), T.tz -= t.z();
+    traits::set_pose(map, k, T);
+  });
+  traits::for_each_point(map, [&](typename traits::point p) {
+    auto x = traits::position(map, p);
+    x.x += shift;
+    traits::set_position(map, p, x);
+  });
+}
+
 /// What became of the truth.
 struct map_quality {
   std::size_t merged = 0, merged_wrongly = 0;  ///< points that became others, and of another landmark

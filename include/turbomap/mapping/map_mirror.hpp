@@ -468,7 +468,10 @@ class map_mirror {
     if (o.keyframe == gone || keyframes_[k].read == 0 || i >= keyframes_[k].slots.size()) return;
     if (keyframes_[k].slots[i] == expected) return;
     const user_keyframe name = keyframes_[k].name;
-    read_slot(k, i, name);
+    if (user_traits::alive(map_, name))
+      read_slot(k, i, name);
+    else
+      lose_keyframe(k);  // erased meanwhile: its slots may be no more
   }
   /// As recount(). O(views^2) of the flat list.
   void count_octaves(std::size_t p) const {

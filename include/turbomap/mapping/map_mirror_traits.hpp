@@ -225,7 +225,10 @@ struct map_traits<map_mirror<Map>> {
   static void look_again(const mirror& m, keyframe k, std::size_t i) {
     if (!m.known(k) || !m.keyframe_places_.alive(k.index)) return;
     m.ensure(k);
-    if (i < of(m, k).slots.size()) m.read_slot(m.at(k), i, m.name(k));
+    if (i >= of(m, k).slots.size()) return;
+    const auto name = m.name(k);
+    if (!user::alive(m.map(), name)) return m.lose_keyframe(m.at(k));
+    m.read_slot(m.at(k), i, name);
   }
   static void look_at_position(const mirror& m, point p) {
     if (!m.known(p) || !m.point_places_.alive(p.index)) return;

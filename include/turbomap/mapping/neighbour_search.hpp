@@ -39,13 +39,16 @@ class neighbour_search {
 
   explicit neighbour_search(const context<Policy>& ctx) : matches_(ctx) {}
 
-  /// Poses and masks of the keyframe and of its neighbours whose baseline suffices.
+  /// Poses and masks of the keyframe and of its neighbours whose baseline suffices. Nothing, an empty selection(), if the
+  /// keyframe was erased meanwhile: compute() has nothing to search then.
   /// \param fitting  fitting(n): how many of n neighbours may be taken, e.g. by a deadline
   /// \return whether fitting() cost neighbours that would have been searched
   /// \throws std::invalid_argument  the keyframe is not in the store or has no pose; an option out of range
   template <class Fitting>
   bool snapshot(const scope& s, keyframe query, const neighbour_search_options& options, Fitting fitting) {
     const auto guard = s.guard();
+    selection_.clear();
+    if (!traits::alive(s.map, query)) return false;
     const auto& near =
         neighbourhood_.neighbours(s.map, query, options.neighbourhood, [&](keyframe k) { return s.can_use(k); });
     const std::size_t most = fitting(near.size());
@@ -86,7 +89,6 @@ class neighbour_search {
  private:
   void gather(const Map& map, const handle_table& stored, keyframe query, const list_of<keyframe>& neighbours,
               const neighbour_search_options& options, std::size_t most) {
-    selection_.clear();
     stored.at(traits::id(map, query));                             // throws when it is not there
     selection_.place(map, query, stored);                          // throws when it has no pose
     const rigid_transform<double> T_query = selection_.T_cw()[0];  // a copy: the list grows
