@@ -7,6 +7,7 @@
 # A program that cannot run here (no data, no device) ends with 77, which ctest reports as skipped.
 
 option(TURBOMAP_HOST_TESTS "Build the tests of host policies; a second build for CUDA does not need them again" ON)
+option(TURBOMAP_SOURCE_TESTS "Tests that look at the source alone; a second build does not need them again" ON)
 option(TURBOMAP_RECORDED_TESTS "Build the tests on recorded data" ON)
 option(TURBOMAP_PRECOMPILED_TESTS "Parse the headers that all tests include once" OFF)
 set(TURBOMAP_TEST_FILTER "" CACHE STRING "Build only the tests whose name matches this regular expression")
@@ -104,7 +105,8 @@ mark_as_advanced(TURBOMAP_BASH)
 function(turbomap_add_script_test name label script)
   if(TURBOMAP_BASH)
     set(test ${TURBOMAP_TEST_PREFIX}${name})
-    add_test(NAME ${test} COMMAND "${TURBOMAP_BASH}" "${CMAKE_CURRENT_SOURCE_DIR}/${script}" ${ARGN})
+    add_test(NAME ${test} COMMAND "${TURBOMAP_BASH}" "${CMAKE_CURRENT_SOURCE_DIR}/${script}" ${ARGN}
+             COMMAND_EXPAND_LISTS)
     set_tests_properties(${test} PROPERTIES TIMEOUT 300 LABELS ${label})
   else()
     message(STATUS "turbomap: no test ${name}: bash was not found")

@@ -117,6 +117,41 @@ struct turbomap::map_traits<my::Map> {
   static void set_position(map&, point, const turbomap::vec3<double>&) {}
 #endif
 
+#ifdef KEYPOINT_ALONE
+  static turbomap::keypoint keypoint(const map&, keyframe, std::size_t) { return {}; }
+#endif
+#ifdef STRING_KEYPOINT_COUNT
+  static std::string keypoint_count(const map&, keyframe) { return {}; }
+  static turbomap::keypoint keypoint(const map&, keyframe, std::size_t) { return {}; }
+#endif
+#ifdef INDEX_OF_KEYFRAME_ALONE
+  static std::size_t index(const map&, keyframe) { return 0; }
+#endif
+#ifdef MIRRORED_AT_RUN_TIME
+  static inline bool mirrored = true;
+#endif
+#ifdef VOID_MAY_ERASE
+  static void may_erase(const map&, keyframe) {}
+#endif
+#ifdef VOID_ORIGIN
+  static void is_origin(const map&, keyframe) {}
+#endif
+#ifdef STRING_FOUND_RATIO
+  static std::string found_ratio(const map&, point) { return {}; }
+#endif
+#ifdef PREVIOUS_IS_ID
+  static double time(const map&, keyframe) { return 0; }
+  static std::uint64_t previous(const map&, keyframe) { return 0; }
+  static std::uint64_t next(const map&, keyframe) { return 0; }
+#endif
+#ifdef COVARIANCE_IS_NUMBER
+  static double covariance(const map&, point) { return 0; }
+  static void set_covariance(map&, point, const turbomap::point_covariance&) {}
+#endif
+#ifdef OWN_TYPES
+  using keypoint = turbomap::keypoint;
+  using index = std::size_t;
+#endif
 #ifdef WRITING_MAY_ERASE
   static bool may_erase(map&, keyframe) { return true; }
 #endif
@@ -160,8 +195,18 @@ void use(my::Map& map, my::KeyFrame& keyframe) {
   mapper.insert(&keyframe, keyframe);
   mapper.remove(1);
   mapper.process(&keyframe);
+  mapper.watch({});
+  mapper.changed(&keyframe);
+  mapper.refresh();
+  mapper.update_geometry({});
+  mapper.update_appearance({});
+  mapper.reset();
   const turbomap::mapping_report& report = mapper.report();
-  static_cast<void>(report);
+  const turbomap::local_adjustment_summary summary = mapper.adjust_globally(&keyframe, {});
+  const turbomap::fusion_summary fused = mapper.fuse_around(&keyframe);
+  static_cast<void>(report), static_cast<void>(summary), static_cast<void>(fused);
+  mapper.options().deadline_ms = static_cast<double>(mapper.iterations()) + mapper.last_search().neighbour_count();
+  static_cast<void>(mapper.stored().contains(1));
 }
 #elif defined(KEYFRAME_ALONE)
 static_assert(turbomap::require_keyframe_traits<my::KeyFrame>());

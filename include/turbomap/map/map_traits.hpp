@@ -133,20 +133,30 @@ template <class M, class T>
 using map_reserve_member =
     decltype(T::reserve_observations(std::declval<M&>(), std::declval<point_of<T>>(), std::size_t{}));
 template <class M, class T>
-using map_covariance_member =
-    std::void_t<decltype(T::covariance(std::declval<const M&>(), std::declval<point_of<T>>()).zz),
-                decltype(T::set_covariance(std::declval<M&>(), std::declval<point_of<T>>(),
-                                           std::declval<const point_covariance&>()))>;
+using map_covariance_member = std::void_t<
+    if_converts<decltype(T::covariance(std::declval<const M&>(), std::declval<point_of<T>>())), point_covariance>,
+    decltype(T::set_covariance(std::declval<M&>(), std::declval<point_of<T>>(),
+                               std::declval<const point_covariance&>()))>;
 template <class M, class T>
-using map_found_member = decltype(T::found_ratio(std::declval<const M&>(), std::declval<point_of<T>>()));
+using map_found_member =
+    if_converts<decltype(T::found_ratio(std::declval<const M&>(), std::declval<point_of<T>>())), float>;
 template <class M, class T>
-using map_may_erase_member = decltype(T::may_erase(std::declval<const M&>(), std::declval<keyframe_of<T>>()));
+using map_may_erase_member =
+    if_converts<decltype(T::may_erase(std::declval<const M&>(), std::declval<keyframe_of<T>>())), bool>;
 template <class M, class T>
-using map_origin_member = decltype(T::is_origin(std::declval<const M&>(), std::declval<keyframe_of<T>>()));
+using map_origin_member =
+    if_converts<decltype(T::is_origin(std::declval<const M&>(), std::declval<keyframe_of<T>>())), bool>;
 template <class M, class T>
-using map_temporal_member = std::void_t<decltype(T::time(std::declval<const M&>(), std::declval<keyframe_of<T>>())),
-                                        decltype(T::previous(std::declval<const M&>(), std::declval<keyframe_of<T>>())),
-                                        decltype(T::next(std::declval<const M&>(), std::declval<keyframe_of<T>>()))>;
+using map_temporal_member = std::void_t<
+    if_converts<decltype(T::time(std::declval<const M&>(), std::declval<keyframe_of<T>>())), double>,
+    if_converts<decltype(T::previous(std::declval<const M&>(), std::declval<keyframe_of<T>>())), keyframe_of<T>>,
+    if_converts<decltype(T::next(std::declval<const M&>(), std::declval<keyframe_of<T>>())), keyframe_of<T>>>;
+template <class M, class T>
+using map_index_member =
+    std::void_t<if_converts<decltype(T::index(std::declval<const M&>(), std::declval<keyframe_of<T>>())), std::size_t>,
+                if_converts<decltype(T::index(std::declval<const M&>(), std::declval<point_of<T>>())), std::size_t>>;
+template <class M, class T>
+using map_mirrored_member = std::integral_constant<bool, T::mirrored>;
 template <class M, class T>
 using map_guard_member = if_lock<decltype(T::guard(std::declval<M&>()))>;
 /// Only the copy of a user's map that the library keeps has it: look_again.hpp.

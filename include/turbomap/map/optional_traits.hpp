@@ -4,8 +4,8 @@
 
 /// \file
 /// Whether the optional members of map_traits are what their author takes them for. One that cannot be called as the library would,
-/// or has a name that the library does not know, would be passed over without a word, and the map used without its guard: so
-/// both are errors. A part of require_map_traits.hpp.
+/// or gives something else, would be passed over without a word: so that is an error. So are the names below that are taken for
+/// those of members, such as `lock` for `guard`. Any other name is the user's own. A part of require_map_traits.hpp.
 
 #include <type_traits>
 
@@ -31,7 +31,7 @@ point_of<T> a_point();
 struct optional_names {
   int may_erase, is_origin, found_ratio, reserve_observations, octave_counts, change_octave_count, covariance,
       set_covariance, set_position, set_pose, time, previous, next, created, merged, erased, for_each_keyframe,
-      for_each_point;
+      for_each_point, keypoint_count, keypoint, index, mirrored;
 };
 template <class M, class T>
 using named_may_erase = decltype(&T::may_erase);
@@ -69,6 +69,19 @@ template <class M, class T>
 using named_for_each_keyframe = decltype(&T::for_each_keyframe);
 template <class M, class T>
 using named_for_each_point = decltype(&T::for_each_point);
+
+template <class M, class T>
+using named_keypoint_count = decltype(&T::keypoint_count);
+template <class M, class T>
+using named_keypoint = decltype(&T::keypoint);
+template <class M, class T>
+using type_keypoint = typename T::keypoint;
+template <class M, class T>
+using named_index = decltype(&T::index);
+template <class M, class T>
+using type_index = typename T::index;
+template <class M, class T>
+using named_mirrored = decltype(&T::mirrored);
 
 // Functions whose names are taken for those of optional members.
 template <class M, class T>
@@ -158,6 +171,17 @@ constexpr bool check_optional_members() {
       "turbomap: map_traits::merged must be `static void merged(Map&, point from, point into)`; see docs/map.md");
   static_assert(usable_or_absent_v<Map, map_erased_member, named_erased>,
                 "turbomap: map_traits::erased must be `static void erased(Map&, point)`; see docs/map.md");
+  static_assert(
+      !describes_keypoints_v<Map> || map_has_v<Map, type_keypoint> ||
+          usable_or_absent_v<Map, map_keypoint_member, named_keypoint_count, named_keypoint>,
+      "turbomap: map_traits needs both or neither of `static std::size_t keypoint_count(const Map&, keyframe)` "
+      "and `static keypoint keypoint(const Map&, keyframe, std::size_t)` where a keyframe is named by a pointer "
+      "to a type with keyframe_traits; see docs/map.md");
+  static_assert(map_has_v<Map, type_index> || usable_or_absent_v<Map, map_index_member, named_index>,
+                "turbomap: map_traits needs both or neither of `static std::size_t index(const Map&, keyframe)` and "
+                "`static std::size_t index(const Map&, point)`; see docs/map.md");
+  static_assert(usable_or_absent_v<Map, map_mirrored_member, named_mirrored>,
+                "turbomap: map_traits::mirrored must be `static constexpr bool mirrored = true;`; see docs/map.md");
   static_assert(map_has_v<Map, map_guard_member> ||
                     !has_any_v<Map, near_guard_lock, near_guard_lock_guard, near_guard_scoped_lock,
                                near_guard_get_guard, near_guard_guards, near_guard_acquire>,
