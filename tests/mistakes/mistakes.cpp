@@ -11,6 +11,9 @@
 #include <turbomap/camera/pinhole.hpp>
 #include <turbomap/camera/rig.hpp>
 #include <turbomap/descriptor/binary.hpp>
+#ifdef WITH_IMU
+#include <turbomap/map/inertial_traits.hpp>
+#endif
 #include <turbomap/map/map_traits.hpp>
 #include <turbomap/traits.hpp>
 
@@ -164,8 +167,12 @@ struct turbomap::map_traits<my::Map> {
 #ifdef MERGED_OF_ONE
   static void merged(map&, point) {}
 #endif
-#ifdef TIME_ALONE
+#if defined(TIME_ALONE) || defined(WITH_IMU)
   static double time(const map&, keyframe) { return 0; }
+#endif
+#ifdef WITH_IMU
+  static keyframe previous(const map&, keyframe) { return {}; }
+  static keyframe next(const map&, keyframe) { return {}; }
 #endif
 #ifdef GUARD_OF_NOTHING
   static std::unique_lock<std::mutex> guard() { return {}; }
@@ -179,6 +186,50 @@ struct turbomap::map_traits<my::Map> {
   using lock = std::lock_guard<std::mutex>;  // a type of the user's is no mistake
 #endif
 };
+#endif
+
+#ifdef WITH_IMU
+#ifndef NO_INERTIAL_TRAITS
+template <>
+struct turbomap::inertial_traits<my::Map> {
+  using map = my::Map;
+  using keyframe = my::KeyFrame*;
+  using motion_type = turbomap::preintegration<double>;
+  static bool initialised(const map&) { return false; }
+  static turbomap::vec3<double> gravity(const map&) { return {}; }
+  static turbomap::rigid_transform<double> T_bc(const map&) { return {}; }
+#ifdef WRITING_VELOCITY
+  static turbomap::vec3<double> velocity(map&, keyframe) { return {}; }
+#else
+  static turbomap::vec3<double> velocity(const map&, keyframe) { return {}; }
+#endif
+#ifdef VECTOR_BIAS
+  static turbomap::vec3<double> bias(const map&, keyframe) { return {}; }
+#else
+  static turbomap::imu_bias<double> bias(const map&, keyframe) { return {}; }
+#endif
+  static bool motion(const map&, keyframe, motion_type&) { return false; }
+  static void set_velocity(map&, keyframe, const turbomap::vec3<double>&) {}
+  static void set_bias(map&, keyframe, const turbomap::imu_bias<double>&) {}
+  static void set_motion(map&, keyframe, const motion_type&) {}
+#ifndef NO_CLEAR_MOTION
+  static void clear_motion(map&, keyframe) {}
+#endif
+#ifdef WRITING_REFINED
+  static bool refined(map&) { return true; }
+#endif
+#ifdef JOIN_ONE
+  static void join_samples(map&, keyframe) {}
+#endif
+#ifdef BIAS_CHANGED_OF_NOTHING
+  static void bias_changed(map&, keyframe) {}
+#endif
+#ifdef SET_GRAVITY_ALONE
+  static void set_gravity(map&, const turbomap::vec3<double>&) {}
+#endif
+};
+#endif
+static_assert(turbomap::require_inertial_traits<my::Map>());
 #endif
 
 #ifdef UNGUARDED

@@ -289,10 +289,7 @@ inline void check_motion(std::size_t i, const preintegration<double>& p) {
   const auto name = [i](const char* member) { return element_name("motion", i).append(".").append(member); };
   if (!(p.dt >= 0 && is_finite(p.dt))) reject(name("dt"), p.dt, "must be finite and not negative");
   check_bias(name("bias"), p.bias);
-  double sum = p.dV.x + p.dV.y + p.dV.z + p.dP.x + p.dP.y + p.dP.z;
-  for (const mat3<double>* m :
-       {&p.dR, &p.J_Rg, &p.J_Vg, &p.J_Va, &p.J_Pg, &p.J_Pa, &p.C_RR, &p.C_VR, &p.C_VV, &p.C_PR, &p.C_PV, &p.C_PP})
-    for (const double x : m->m) sum += x;
+  const double sum = sum_of_elements(p);
   if (!is_finite(sum)) reject(element_name("motion", i), sum, "must hold finite numbers");
 }
 

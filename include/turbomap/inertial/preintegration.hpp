@@ -8,6 +8,7 @@
 /// computed once; when the estimate of the bias changes, its derivatives correct it
 /// [Forster et al., On-manifold preintegration for real-time visual-inertial odometry, IEEE T-RO 2017].
 
+#include <initializer_list>
 #include <type_traits>
 
 #include "../config.hpp"
@@ -50,6 +51,19 @@ struct preintegration {
 };
 
 static_assert(std::is_trivially_copyable_v<preintegration<double>>);
+
+namespace detail {
+/// Of all that it holds but dt: not finite where one of them is not.
+template <class S>
+S sum_of_elements(const preintegration<S>& p) {
+  S sum = p.gyro_walk + p.acceleration_walk;
+  for (const vec3<S>* v : {&p.bias.gyro, &p.bias.acceleration, &p.dV, &p.dP}) sum += v->x + v->y + v->z;
+  for (const mat3<S>* m :
+       {&p.dR, &p.J_Rg, &p.J_Vg, &p.J_Va, &p.J_Pg, &p.J_Pa, &p.C_RR, &p.C_VR, &p.C_VV, &p.C_PR, &p.C_PV, &p.C_PP})
+    for (const S x : m->m) sum += x;
+  return sum;
+}
+}  // namespace detail
 
 /// What a frame of a visual-inertial problem knows about itself. Its unknowns are 15, in this order: a step (omega, v)
 /// of the pose, exp(omega, v) T_cw as left_exp() has it; velocity; bias of the gyroscope; bias of the accelerometer.

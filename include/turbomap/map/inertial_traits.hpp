@@ -58,63 +58,9 @@ struct inertial_traits {
 
 }  // namespace turbomap
 
+#include "require_inertial_traits.hpp"
+
 TURBOMAP_BEGIN_NAMESPACE
-
-namespace detail {
-
-// M: the map, T: its inertial_traits.
-template <class M>
-using map_keyframe = typename map_traits<M>::keyframe;
-template <class M, class T>
-using inertial_read_member = std::void_t<
-    if_converts<decltype(T::initialised(std::declval<const M&>())), bool>,
-    if_converts<decltype(T::gravity(std::declval<const M&>())), vec3<double>>,
-    if_converts<decltype(T::T_bc(std::declval<const M&>())), rigid_transform<double>>,
-    if_converts<decltype(T::velocity(std::declval<const M&>(), std::declval<map_keyframe<M>>())), vec3<double>>,
-    if_converts<decltype(T::bias(std::declval<const M&>(), std::declval<map_keyframe<M>>())), imu_bias<double>>,
-    if_converts<decltype(T::motion(std::declval<const M&>(), std::declval<map_keyframe<M>>(),
-                                   std::declval<preintegration<double>&>())),
-                bool>>;
-template <class M, class T>
-using inertial_write_member = std::void_t<
-    decltype(T::set_velocity(std::declval<M&>(), std::declval<map_keyframe<M>>(), std::declval<const vec3<double>&>())),
-    decltype(T::set_bias(std::declval<M&>(), std::declval<map_keyframe<M>>(), std::declval<const imu_bias<double>&>())),
-    decltype(T::set_motion(std::declval<M&>(), std::declval<map_keyframe<M>>(),
-                           std::declval<const preintegration<double>&>())),
-    decltype(T::clear_motion(std::declval<M&>(), std::declval<map_keyframe<M>>()))>;
-template <class M, class T>
-using inertial_refined_member = decltype(T::refined(std::declval<const M&>()));
-template <class M, class T>
-using inertial_join_member =
-    decltype(T::join_samples(std::declval<M&>(), std::declval<map_keyframe<M>>(), std::declval<map_keyframe<M>>()));
-template <class M, class T>
-using inertial_bias_member = decltype(T::bias_changed(std::declval<M&>(), std::declval<map_keyframe<M>>(),
-                                                      std::declval<const imu_bias<double>&>()));
-
-template <class Map, template <class, class> class Member>
-inline constexpr bool inertial_has_v = has_member<Member, Map, inertial_traits<Map>>::value;
-
-}  // namespace detail
-
-/// Explains in words what inertial_traits<Map> lacks: `static_assert(require_inertial_traits<Map>());`.
-template <class Map>
-constexpr bool require_inertial_traits() {
-  constexpr bool there = !detail::inertial_has_v<Map, detail::not_specialised_member>;  // says one thing at a time
-  static_assert(there, "turbomap: specialise turbomap::inertial_traits for your map type; see docs/inertial.md");
-  constexpr bool reads = detail::inertial_has_v<Map, detail::inertial_read_member>;
-  static_assert(
-      !there || reads,
-      "turbomap: inertial_traits lacks one of the reads: initialised, gravity, T_bc, velocity, bias, motion; see "
-      "docs/inertial.md");
-  constexpr bool writes = detail::inertial_has_v<Map, detail::inertial_write_member>;
-  static_assert(
-      !there || writes,
-      "turbomap: inertial_traits lacks one of the writes: set_velocity, set_bias, set_motion, clear_motion; see "
-      "docs/inertial.md");
-  constexpr bool temporal = detail::map_has_v<Map, detail::map_temporal_member>;
-  static_assert(temporal, "turbomap: a map with an IMU needs map_traits with time, previous and next; see docs/map.md");
-  return there && reads && writes && temporal;
-}
 
 /// Whether the estimates of an initialised map are no longer young: true where the traits do not say.
 template <class Map>
@@ -143,14 +89,8 @@ void bridge_motion(Map& map, const typename map_traits<Map>::keyframe& removed) 
 namespace detail {
 inline bool is_finite(const vec3<double>& v) { return is_finite(v.x) && is_finite(v.y) && is_finite(v.z); }
 inline bool is_finite(const imu_bias<double>& b) { return is_finite(b.gyro) && is_finite(b.acceleration); }
-/// Whether an adjustment can use it. Derivatives and covariances follow from what is summed up here.
-inline bool is_usable(const preintegration<double>& p) {
-  double sum = p.dt + p.gyro_walk + p.acceleration_walk;
-  for (const mat3<double>* m :
-       {&p.dR, &p.J_Rg, &p.J_Vg, &p.J_Va, &p.J_Pg, &p.J_Pa, &p.C_RR, &p.C_VR, &p.C_VV, &p.C_PR, &p.C_PV, &p.C_PP})
-    for (const double x : m->m) sum += x;
-  return p.dt > 0 && is_finite(sum) && is_finite(p.dV) && is_finite(p.dP) && is_finite(p.bias);
-}
+/// Whether an adjustment can use it.
+inline bool is_usable(const preintegration<double>& p) { return p.dt > 0 && is_finite(p.dt + sum_of_elements(p)); }
 }  // namespace detail
 
 TURBOMAP_END_NAMESPACE

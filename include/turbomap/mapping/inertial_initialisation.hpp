@@ -9,7 +9,6 @@
 
 #include <cstddef>
 #include <exception>
-#include <type_traits>
 #include <utility>
 
 #include "../config.hpp"
@@ -21,13 +20,6 @@
 #include "../plain_vector.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
-
-namespace detail {
-template <class M, class T>
-using inertial_initialise_member =
-    std::void_t<decltype(T::set_gravity(std::declval<M&>(), std::declval<const vec3<double>&>())),
-                decltype(T::set_initialised(std::declval<M&>(), bool{}))>;
-}  // namespace detail
 
 /// Needs inertial_traits with
 ///
