@@ -53,6 +53,7 @@ def parse_arguments():
     p.add_argument("--no-recorded", action="store_true", help="simulated recordings only")
     p.add_argument("--no-simulated", action="store_true", help="recordings only")
     p.add_argument("--no-inertial", action="store_true", help="no replays with the recordings' IMU")
+    p.add_argument("--no-times", action="store_true", help="errors and determinism only: for a machine that is busy with other work")
     p.add_argument("--commit", help="that the programs were built from; default: that of this working tree")
     p.add_argument("--options", default="", help="for every replay")
     p.add_argument("--out", type=pathlib.Path, default=pathlib.Path("evaluation"), help="folder of the results")
@@ -61,7 +62,7 @@ def parse_arguments():
     args = p.parse_args()
     args.policy, args.seeds, args.noise, args.drift = "seq", ["1"], ["0.5"], "0.01"
     args.rigs = [rig for rig in replays.RIGS if rig != "mono" and not (args.no_inertial and rig.endswith("inertial"))]
-    args.runs = max(args.runs or (2 if args.quick else 3), 1)
+    args.runs = 1 if args.no_times else max(args.runs or (2 if args.quick else 3), 1)
     args.keyframes = args.keyframes or (40 if args.quick else 100)
     args.trajectories = args.trajectories or (["builtin"] if args.quick else None)
     return args
@@ -184,7 +185,7 @@ def run_all(args, made, names):
             for count in threads if "omp" in names else ():
                 more = dict(run=f"threads {count}", environment={"OMP_NUM_THREADS": count})
                 jobs.append((case, "omp", f"OMP_NUM_THREADS={count}", more, []))
-        if not case.command and "--imu" not in case.options:
+        if not case.command and "--imu" not in case.options and not args.no_times:
             jobs += [(case, policy, "rate " + rate, {}, ["--rate", rate]) for policy in stressed for rate in RATES]
     weights = [keyframe_count(args, case) for case, *_ in jobs]
     shown, results = progress(weights), {}
@@ -245,14 +246,16 @@ def read_csv(path):
 
 
 def machine(args, names, clock):
+    given = [o for o in ("quick", "no_times", "no_inertial", "no_recorded", "no_simulated") if getattr(args, o)]
+    options = " ".join("--" + o.replace("_", "-") for o in given)
     t = table("Machine", "Where and when these figures were printed.", ["fact"])
     model = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")),
                  platform.processor()) if os.path.exists("/proc/cpuinfo") else platform.processor()
     head = subprocess.run(["git", "-C", str(replays.ROOT), "rev-parse", "--short", "HEAD"], capture_output=True, text=True)
     for fact, value in (("processor", f"{model}, {os.cpu_count()} threads"), ("date", datetime.date.today().isoformat()),
                         ("commit of the programs", args.commit or head.stdout.strip() or "unknown"), ("policies", ", ".join(names)),
-                        ("options", " ".join(["--quick"] * args.quick + ["--no-inertial"] * args.no_inertial) or "none"),
-                        ("Ceres' clock", f"{clock:.1f} ms per iteration" if clock else "not measured: no Ceres or no data")):
+                        ("options", options or "none"),
+                        ("Ceres' clock", f"{clock:.1f} ms per iteration" if clock else "not measured")):
         t.add([fact], {"value": value})
     return t
 
@@ -372,6 +375,13 @@ def table_one(made, names, results):
     else:
         sentence = "No recording has times of a peer."
     return t, g, sentence
+
+
+def errors_of(times):
+    t = table("Local mapping: errors", "Absolute trajectory error of the keyframes after alignment. Peer: the recorded system.", times.names)
+    for key, values in times.rows:
+        t.add(key, {c: v for c, v in values.items() if c.startswith("ATE")})
+    return t
 
 
 def scaled(gains, clock):
@@ -554,22 +564,28 @@ def main():
         results = run_all(args, made, names)
     except KeyboardInterrupt:
         sys.exit(f"\nevaluate: stopped. What is done is kept in {args.work}: the same command goes on from there")
-    clock, adjusted = ceres_clock(args), bundles(args)
+    clock, adjusted = (None, {}) if args.no_times else (ceres_clock(args), bundles(args))
     times, gains, sentence = table_one(made, names, results)
+    if args.no_times:
+        sentence = "Errors and determinism only; times were left out."
     summary = table("Summary", sentence, ["what"])
     faults = [(name, policy, what, found["failed"]) for (name, policy, what), found in results.items() if "failed" in found]
     summary.add(["recordings and set-ups"], {"count": len(made)})
     summary.add(["replays"], {"count": len(results)})
     summary.add(["failed"], {"count": len(faults)})
-    tables = [summary, machine(args, names, clock), times, gains, scaled(gains, clock), table_breakdown(made, names, results),
-              table_stress(made, names, results), table_determinism(made, results), table_bundle(adjusted)]
+    tables = [summary, machine(args, names, clock)]
+    if args.no_times:
+        tables += [errors_of(times), table_determinism(made, results)]
+    else:
+        tables += [times, gains, scaled(gains, clock), table_breakdown(made, names, results), table_stress(made, names, results),
+                   table_determinism(made, results), table_bundle(adjusted)]
     if faults:
         failed = table("Failed", "What went wrong.", ["recording", "policy", "what"])
         for name, policy, what, fault in faults:
             failed.add([name, policy, what], {"fault": fault.split("\n")[-1]})
         tables.append(failed)
     tables = [t for t in tables if t and t.rows]
-    drawn = plots(made, names, results, adjusted)
+    drawn = {} if args.no_times else plots(made, names, results, adjusted)
     args.out.mkdir(parents=True, exist_ok=True)
     write_csv(args.out / "evaluation.csv", tables)
     (args.out / "evaluation.md").write_text("# Evaluation of local mapping\n\n" + block(tables) + "\n")

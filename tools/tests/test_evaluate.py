@@ -135,15 +135,21 @@ class evaluation(unittest.TestCase):
         self.run_it("--quick")
         self.assertEqual(len(self.replays()), 4 + 1 + 4)
 
+    def test_without_times(self):
+        self.assertEqual(self.run_it("--no-times").returncode, 0)
+        self.assertEqual(len(self.replays()), 2 + 2)
+        self.assertEqual(self.figure("Local mapping: errors", ("euroc_tiny", "peer"), "ATE, mm"), "34")
+        self.assertNotIn("ms per keyframe", (self.root / "out/evaluation.md").read_text())
+
     def test_another_map_is_found(self):
         self.write_stub("cd")
-        self.assertEqual(self.run_it().returncode, 0)
+        self.assertEqual(self.run_it("--quick", "--runs", "1").returncode, 0)
         self.assertIn("omp, run 1", self.figure("The same map every time", ("euroc_tiny",), "different"))
 
     def test_a_figure_that_was_not_printed_is_found(self):
         page = self.root / "page.md"
         page.write_text(f"before\n{evaluate.BEGIN}\n{evaluate.END}\nafter\n")
-        self.assertEqual(self.run_it("--docs", str(page)).returncode, 0)
+        self.assertEqual(self.run_it("--quick", "--runs", "1", "--docs", str(page)).returncode, 0)
         text = page.read_text()
         self.assertTrue(text.startswith("before\n") and text.endswith("\nafter\n"))
         self.assertEqual(self.run_it("--check", str(page)).returncode, 0)
@@ -156,7 +162,7 @@ class evaluation(unittest.TestCase):
 
     def test_a_replay_that_fails_is_told(self):
         (self.root / "bin/turbomap-replay").write_text(f"#!{sys.executable}\nimport sys\nsys.exit('no_recording, broken')\n")
-        done = self.run_it()
+        done = self.run_it("--quick", "--runs", "1")
         self.assertEqual(done.returncode, 1)
         self.assertIn("broken", (self.root / "out/evaluation.md").read_text())
 
