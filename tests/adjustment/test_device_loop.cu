@@ -176,7 +176,15 @@ TEST_CASE("staging memory that is not pinned: the host sums, and finds the same"
     problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
     return a;
   };
-  const auto pinned = run(turbomap::default_staging_resource(turbomap::device_memory{}));
+  const auto handed_over = [](std::pmr::memory_resource* staging) {
+    turbomap::array<turbomap::awaited<turbomap::step_report>, turbomap::host_memory> to(staging);
+    to.resize_discard(1);
+    return turbomap::can_hand_over(to.data());
+  };
+  auto* const pinned_memory = turbomap::default_staging_resource(turbomap::device_memory{});
+  REQUIRE(handed_over(pinned_memory));  // or both runs below were the host's
+  CHECK_FALSE(handed_over(std::pmr::new_delete_resource()));
+  const auto pinned = run(pinned_memory);
   const auto pageable = run(std::pmr::new_delete_resource());
   REQUIRE(pageable.summary.each.size() == pinned.summary.each.size());
   CHECK(pageable.summary.cost_final == doctest::Approx(pinned.summary.cost_final).epsilon(1e-12));
