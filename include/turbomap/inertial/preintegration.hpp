@@ -52,6 +52,18 @@ struct preintegration {
 
 static_assert(std::is_trivially_copyable_v<preintegration<double>>);
 
+/// What a frame of a visual-inertial problem knows about itself. Its unknowns are 15, in this order: a step (omega, v)
+/// of the pose, exp(omega, v) T_cw as left_exp() has it; velocity; bias of the gyroscope; bias of the accelerometer.
+template <class S>
+struct inertial_state {
+  rigid_transform<S> T_cw;  ///< world to the frame in which visual residuals are, e.g. that of the left camera
+  vec3<S> velocity{S(0), S(0), S(0)};  ///< of the IMU in the world, m/s
+  imu_bias<S> bias;
+};
+
+}  // namespace turbomap
+
+TURBOMAP_BEGIN_NAMESPACE
 namespace detail {
 /// Of all that it holds but dt: not finite where one of them is not.
 template <class S>
@@ -64,14 +76,4 @@ S sum_of_elements(const preintegration<S>& p) {
   return sum;
 }
 }  // namespace detail
-
-/// What a frame of a visual-inertial problem knows about itself. Its unknowns are 15, in this order: a step (omega, v)
-/// of the pose, exp(omega, v) T_cw as left_exp() has it; velocity; bias of the gyroscope; bias of the accelerometer.
-template <class S>
-struct inertial_state {
-  rigid_transform<S> T_cw;  ///< world to the frame in which visual residuals are, e.g. that of the left camera
-  vec3<S> velocity{S(0), S(0), S(0)};  ///< of the IMU in the world, m/s
-  imu_bias<S> bias;
-};
-
-}  // namespace turbomap
+TURBOMAP_END_NAMESPACE
