@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "../config.hpp"
+#include "../plain_sort.hpp"
 #include "../plain_vector.hpp"
 #include "../span.hpp"
 #include "options.hpp"
@@ -53,7 +54,7 @@ class block_cholesky {
       neighbours[at(row[k])].push_back(column[k]);
       neighbours[at(column[k])].push_back(row[k]);
     }
-    for (auto& list : neighbours) std::sort(list.begin(), list.end());
+    for (auto& list : neighbours) sort_plain(list.data(), list.size());
     place_.assign(at(n), -1), order_.clear();
     begin_.assign(1, 0), rows_.clear();
     for (int k = 0; k < n; ++k) {  // eliminates the row of least degree: its neighbours become a clique
@@ -72,8 +73,7 @@ class block_cholesky {
       clique.clear();
     }
     for (auto& r : rows_) r = place_[at(r)];
-    for (int k = 0; k < n; ++k)
-      std::sort(rows_.begin() + offset(begin_[at(k)]), rows_.begin() + offset(begin_[at(k) + 1]));
+    for (int k = 0; k < n; ++k) sort_plain(rows_.data() + begin_[at(k)], begin_[at(k) + 1] - begin_[at(k)]);
     source_.assign(row.size(), 0), transposed_.assign(row.size(), 0);
     for (std::size_t b = 0; b < row.size(); ++b) {
       const std::int32_t i = place_[at(row[b])], j = place_[at(column[b])], lower = std::max(i, j), k = std::min(i, j);

@@ -13,6 +13,7 @@
 
 #include "../config.hpp"
 #include "../error.hpp"
+#include "../plain_sort.hpp"
 #include "../plain_vector.hpp"
 #include "structure.hpp"
 
@@ -96,7 +97,7 @@ class block_finder {
         const std::int32_t j = factor_column_[at(factor_order_[at(k)])];
         touch(j), ++joined_[at(j)];
       }
-      std::sort(columns_.begin(), columns_.end());
+      sort_plain(columns_.data(), columns_.size());
       for (const auto j : columns_) {
         s.block_row.push_back(i), s.block_column.push_back(j);
         next_[at(j)] = s.block_pair.back(), next_factor_[at(j)] = s.block_factor.back();

@@ -10,6 +10,7 @@
 #include <cstdint>
 
 #include "../config.hpp"
+#include "../plain_sort.hpp"
 #include "../plain_vector.hpp"
 #include "map_traits.hpp"
 #include "numbering.hpp"
@@ -81,7 +82,7 @@ class covisibility {
                                                 : traits::id(map, a.keyframe) < traits::id(map, b.keyframe);
     };
     const std::size_t keep = std::min(limit, result_.size());
-    std::partial_sort(result_.begin(), result_.begin() + static_cast<std::ptrdiff_t>(keep), result_.end(), first);
+    sort_plain(result_.data(), result_.size(), first);
     result_.resize(keep);
   }
   void count(const Map& map, keyframe query) {

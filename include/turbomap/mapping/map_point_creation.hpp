@@ -7,7 +7,6 @@
 /// its position from all its views (or from each pair of them), tests it, computes what it looks like, and inserts it into
 /// the map.
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -16,6 +15,7 @@
 #include "../map/map_traits.hpp"
 #include "../matching/point_creation.hpp"
 #include "../matching/track_creation.hpp"
+#include "../plain_sort.hpp"
 #include "../plain_vector.hpp"
 #include "creation_commit.hpp"
 #include "neighbour_search.hpp"
@@ -117,12 +117,12 @@ class map_point_creation {
     // In order of insertion into the map: of equal descriptors the first wins.
     in_order_ = observations_;
     for (std::size_t i = 0; i < positions_.size(); ++i)
-      std::sort(in_order_.begin() + offsets_[i], in_order_.begin() + offsets_[i + 1],
-                [&](const point_observation& a, const point_observation& b) {
-                  return a.keyframe != b.keyframe
-                             ? ids[static_cast<std::size_t>(a.keyframe)] < ids[static_cast<std::size_t>(b.keyframe)]
-                             : a.keypoint < b.keypoint;
-                });
+      sort_plain(in_order_.begin() + offsets_[i], static_cast<std::size_t>(offsets_[i + 1] - offsets_[i]),
+                 [&](const point_observation& a, const point_observation& b) {
+                   return a.keyframe != b.keyframe
+                              ? ids[static_cast<std::size_t>(a.keyframe)] < ids[static_cast<std::size_t>(b.keyframe)]
+                              : a.keypoint < b.keypoint;
+                 });
     const appearance_view view{static_cast<int>(positions_.size()), positions_.data(), offsets_.data(),
                                in_order_.data(), references_.data()};
     update_appearance(ctx, view, search.posed(), options, appearances_);

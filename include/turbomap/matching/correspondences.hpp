@@ -65,8 +65,9 @@ class correspondences {
     plan(ctx, result);
     return result;
   }
-  /// The same into a vector that is reused.
-  void plan(context<Policy>& ctx, plan_type& result) const {
+  /// The same into a list that is reused.
+  template <class List>
+  void plan(context<Policy>& ctx, List& result) const {
     const auto& search = view();
     const auto count = static_cast<std::size_t>(size());
     const std::int32_t* match = ctx.on_host(search.match, count, host_match_);

@@ -5,7 +5,6 @@
 /// \file
 /// Which neighbours a new keyframe is searched against: the caller's rules of [ORB-SLAM3], for callers who want them.
 
-#include <algorithm>
 #include <cmath>
 #include <cstddef>
 
@@ -13,6 +12,7 @@
 #include "../error.hpp"
 #include "../math/functions.hpp"
 #include "../math/linear.hpp"
+#include "../plain_sort.hpp"
 #include "../span.hpp"
 #include "../types.hpp"
 #include "neighbour_options.hpp"
@@ -49,9 +49,7 @@ double median_depth(const rigid_transform<double>& T_cw, span<const vec3<double>
     if (detail::is_finite(z)) depths.push_back(z);
   }
   if (depths.empty()) return -1;
-  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>((depths.size() - 1) / 2);
-  std::nth_element(depths.begin(), middle, depths.end());
-  return *middle;
+  return select_plain(depths.data(), depths.size(), (depths.size() - 1) / 2);
 }
 
 TURBOMAP_END_NAMESPACE

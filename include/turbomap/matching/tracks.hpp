@@ -47,6 +47,7 @@ template <class Descriptor, class Camera, class Policy>
 class match_tracks {
  public:
   using matches_type = correspondences<Descriptor, Camera, Policy>;
+  using list_type = plain_vector<typename matches_type::plan_type::value_type>;
 
   explicit match_tracks(const context<Policy>& ctx) : cameras_(ctx.resource()) {}
 
@@ -62,7 +63,7 @@ class match_tracks {
 
   const track_list& tracks() const { return tracks_; }
   /// The matches that were joined, in (neighbour, query keypoint) order: tracks().outcomes says what became of each.
-  const typename matches_type::plan_type& plan() const { return plan_; }
+  const list_type& plan() const { return plan_; }
   /// size() of the correspondences that were joined.
   int searched() const { return searched_; }
 
@@ -87,7 +88,7 @@ class match_tracks {
 
   array<match_cameras, memory_of_t<Policy>> cameras_;  ///< [neighbour][slot]; written where there is a match
   plain_vector<match_cameras> host_cameras_, match_cameras_;
-  typename matches_type::plan_type plan_;
+  list_type plan_;
   int searched_ = 0;
   track_joiner join_;
   track_list tracks_;

@@ -6,13 +6,13 @@
 /// Blocks of bytes by slot, resident in the memory of a policy or paged out to the host: the least recently used go
 /// first, those pinned never. Every operation does all of its work or leaves everything as it was.
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <memory_resource>
 
 #include "../config.hpp"
 #include "../error.hpp"
+#include "../plain_sort.hpp"
 #include "../plain_vector.hpp"
 #include "../span.hpp"
 #include "chunk_allocator.hpp"
@@ -130,7 +130,7 @@ class block_cache {
     const std::size_t empty_resident = resident_.empty_chunks(), empty_paged = paged_.empty_chunks();
     victims_.clear();
     // The largest first: a small one in a chunk of its own would keep that chunk from making room for a large one.
-    std::sort(requests_.begin(), requests_.end(), [](const request& a, const request& b) {
+    sort_plain(requests_.data(), requests_.size(), [](const request& a, const request& b) {
       return a.bytes != b.bytes ? a.bytes > b.bytes : a.slot < b.slot;
     });
     try {

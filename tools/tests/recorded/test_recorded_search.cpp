@@ -137,7 +137,7 @@ class replayed {
     const auto camera_of = [&](int keyframe, int keypoint) {
       return (keyframe == 0 ? query : neighbours[static_cast<std::size_t>(keyframe) - 1]).view.camera_of(keypoint);
     };
-    const auto expected = tracks_oracle(joined.plan(), camera_of, found.view().own_neighbour);
+    const auto expected = tracks_oracle(found.plan(ctx), camera_of, found.view().own_neighbour);
     totals_.tracks += static_cast<long>(expected.tracks.size());
     for (const auto o : expected.outcomes) totals_.contradictions += o == turbomap::match_outcome::joined ? 0 : 1;
     totals_.tracks_differ += same_tracks(expected, joined.tracks()) ? 0 : 1;
