@@ -47,6 +47,9 @@ TEST_CASE("what cannot be written is refused, and the file stays") {
   const std::string before = turbomap_test::file_bytes(folder / "m.ply");
   const std::vector<vec3<double>> nowhere{{0, 0, 0}, {std::numeric_limits<double>::infinity(), 0, 0}};
   CHECK_THROWS_AS(turbomap::write_ply(folder / "m.ply", {}, nowhere), std::invalid_argument);
+  const std::vector<vec3<double>> above{{0, 0, std::numeric_limits<double>::infinity()}};
+  CHECK_THROWS_WITH_AS(turbomap::write_ply(folder / "m.ply", {}, above), "turbomap: cameras[0] = inf: must be finite",
+                       std::invalid_argument);
   CHECK(turbomap_test::file_bytes(folder / "m.ply") == before);
   CHECK_THROWS_AS(turbomap::write_ply(folder / "none" / "m.ply", {}), turbomap::bad_file);
 }

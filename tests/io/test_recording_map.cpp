@@ -82,6 +82,12 @@ TEST_CASE("associations are named by the first and the last keyframe that saw th
   CHECK(back.prev_kf[5] == 4);
 }
 
+TEST_CASE("a recording with an IMU is refused, since no states would be in it") {
+  auto meta = stereo_meta();
+  meta.sensor = "inertial";
+  CHECK_THROWS_AS(turbomap::map_recorder<flat_map>{meta}, std::invalid_argument);
+}
+
 TEST_CASE("what is refused is not recorded, and may be recorded later") {
   const auto c = stereo_case(noisy(3));
   const mapping_scene<pinhole_camera> scene(c.rig, noisy(3));

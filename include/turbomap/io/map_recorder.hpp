@@ -22,7 +22,8 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Collects a recording of a map with 256-bit descriptors. Memory: that of the recording. Not synchronised.
+/// Collects a recording of a map with 256-bit descriptors. Memory: that of the recording. Not synchronised. States of an IMU and the
+/// stereo partners of fisheye keypoints are not among what it reads: for those fill a keyframe_record and a recorder.
 template <class Map>
 class map_recorder {
  public:
@@ -33,18 +34,21 @@ class map_recorder {
   using camera = typename traits::camera;               ///< of the rig
   using data_type = keyframe_data<descriptor, camera>;  ///< a keyframe as flat arrays
 
-  /// Throws std::invalid_argument for what could not be written as meta.json.
+  /// Throws std::invalid_argument for what could not be written as meta.json, and for the sensor `inertial`.
   explicit map_recorder(recording_meta meta) : recorder_(std::move(meta)) {
     static_assert(require_map_traits<Map>());
     static_assert(std::is_same_v<typename descriptor::element, std::uint8_t> && descriptor::elements == 32,
                   "turbomap: recordings hold descriptors of 256 bits");
+    require(recorder_.data().meta.sensor != "inertial", "meta.sensor", "inertial",
+            "map_recorder does not read velocities and biases: use a recorder");
   }
 
   /// Appends a keyframe that is in the map with the associations that tracking made, and not processed yet. The caller holds the
   /// map's guard. A point that no keyframe before saw counts as made by this one.
   /// \param data  the keyframe as it goes to local_mapper::insert(): arrays, or an object with keyframe_traits. Keypoints of camera
   ///              0 first
-  /// \param recent  points on probation, if the recording is to tell what tracking counted of them
+  /// \param recent  points on probation, if the recording is to tell what tracking counted of them. Their keyframes are named by the
+  ///                 index in the recording, first_keyframe_id too: the id of a recorded keyframe is its index
   /// \return its index. Throws what recorder::add() throws; nothing has been appended then. O(observations of its points)
   template <class Data>
   std::int32_t add(const Map& map, const keyframe& k, const Data& data, std::int64_t t_ns,

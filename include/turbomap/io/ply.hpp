@@ -36,7 +36,13 @@ inline void write_ply(const std::filesystem::path& file, span<const vec3<double>
     ++count;
   };
   for (std::size_t i = 0; i < cameras.size(); ++i) {
-    if (!finite(cameras[i])) reject("cameras[" + std::to_string(i) + "]", cameras[i].x, "must be finite");
+    const vec3<double>& x = cameras[i];
+    if (!finite(x))
+      reject("cameras[" + std::to_string(i) + "]",
+             !std::isfinite(x.x)   ? x.x
+             : !std::isfinite(x.y) ? x.y
+                                   : x.z,
+             "must be finite");
     append(cameras[i], " 220 40 40\n");
   }
   for (const vec3<double>& x : points)

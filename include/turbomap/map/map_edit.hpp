@@ -99,7 +99,8 @@ typename map_traits<Map>::point forget(Map& map, typename map_traits<Map>::keyfr
   return point;
 }
 
-/// Takes a point out of the map, merged or not: all its slots are emptied first. O(views^2).
+/// Takes a point out of the map, merged or not: all its slots are emptied first. With a replacement nothing is announced here:
+/// merge_points() calls `merged` of the traits when its observations have moved. Without one `erased` is called. O(views^2).
 template <class Map>
 void erase_point(Map& map, typename map_traits<Map>::point point, typename map_traits<Map>::point replacement = {}) {
   using traits = map_traits<Map>;
@@ -207,7 +208,7 @@ bool merge_points(Map& map, typename map_traits<Map>::point from, typename map_t
 }
 
 /// Takes a keyframe out of the map: all its observations are removed, and points with `fewest` measurements or less are
-/// erased. The points that live on and lost a view are appended to `touched`: null, or a pointer to a list.
+/// erased; each is announced while the keyframe is still alive, with its other points. The points that live on and lost a view are appended to `touched`: null, or a pointer to a list.
 template <class Map, class Touched = std::nullptr_t>
 void erase_keyframe(Map& map, typename map_traits<Map>::keyframe keyframe, int fewest = 2, Touched touched = nullptr) {
   using traits = map_traits<Map>;
