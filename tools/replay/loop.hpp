@@ -112,8 +112,10 @@ struct no_imu {
   no_imu(const turbomap::recording&, turbomap::context<Policy>&, Map&) {}
   void arrived(Map&, const keyframe&, std::int32_t) {}
   void tracked(Map&, const keyframe&) {}
-  template <class Scope>
-  void mapped(const Scope&, const keyframe&, std::int32_t, const turbomap::local_mapper_options&) {}
+  template <class Mapper, class Scope>
+  double mapped(Mapper&, const Scope&, const keyframe&, std::int32_t) {
+    return 1;
+  }
   nlohmann::json json() const { return {}; }
 };
 
@@ -202,8 +204,8 @@ class replayer {
     clock_ms_ += row.total_ms;
     row.latency_ms = clock_ms_ - arrival;
     turbomap::guard_times held;
-    imu_.mapped(turbomap::mapping_scope<map_type, Policy>{ctx_, world_.map(), store_, mapper_.stored(), held}, current,
-                i, mapper_.options());
+    const turbomap::mapping_scope<map_type, Policy> scope{ctx_, world_.map(), store_, mapper_.stored(), held};
+    world_.scaled(imu_.mapped(mapper_, scope, current, i));
     row.points = world_.map().point_count();
     row.keyframes = world_.map().keyframe_count();
     row.observations = world_.map().observation_count();

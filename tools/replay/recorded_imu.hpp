@@ -12,6 +12,7 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -74,22 +75,26 @@ class recorded_imu {
     map.set_velocity(current, to.velocity);
   }
   /// Mapping has done its part.
-  template <class Scope>
-  void mapped(const Scope& s, const keyframe& current, std::int32_t i, const turbomap::local_mapper_options& options) {
+  /// \return by which factor the map was scaled
+  template <class Mapper, class Scope>
+  double mapped(Mapper& mapper, const Scope& s, const keyframe& current, std::int32_t i) {
     const std::int64_t now = recording_.t_ns[static_cast<std::size_t>(i)];
     const auto step = schedule_.due(now);
-    if (step == turbomap::initialisation_step::none) return;
+    if (step == turbomap::initialisation_step::none) return 1;
     const double begin = now_ms();
     turbomap::initialisation_options how;
     how.monocular = is_monocular();
     if (!how.monocular) how.min_seconds = 1;  // [ORB-SLAM3]
     const auto& found = initialise_(s.map, current, how);
     last_end_ = static_cast<int>(found.end);
-    if (!found || initialise_.stale()) return;
+    if (!found || initialise_.stale()) return 1;
     if (step != turbomap::initialisation_step::refine_scale) {
-      turbomap::inertial_adjustment_options all = options.inertial;
+      turbomap::inertial_adjustment_options all = mapper.options().inertial;
       all.strong_points = -1, all.window.keyframes = 1 << 20;
-      adjust_(s, current, options.adjustment, all);
+      const auto summary = adjust_(s, current, mapper.options().adjustment, all);
+      mapper.update_geometry(adjust_.points());
+      mapper.update_appearance(adjust_.points_that_lost_views());
+      if (summary.stale) return found.scale;  // once more, at the next keyframe
     }
     schedule_.done(step, now);
     refinements_ += step == turbomap::initialisation_step::refine ? 1 : 0;
@@ -101,6 +106,7 @@ class recorded_imu {
                        {"scale_sigma", found.scale_sigma},
                        {"gravity_sigma", found.gravity_sigma},
                        {"ms", now_ms() - begin}});
+    return found.scale;
   }
   nlohmann::json json() const {
     nlohmann::json json{{"events", events_}, {"intervals_without_motion", holes_}};

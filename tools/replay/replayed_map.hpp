@@ -102,7 +102,7 @@ class replayed_map {
         continue;
       }
       const auto T_log = turbomap::to_isometry<double>(recording_.T_cw[static_cast<std::size_t>(i)]);
-      const auto in_camera = T_log * turbomap::cast<double>(recording_.assoc_pos[row]);
+      const auto in_camera = unit_ * (T_log * turbomap::cast<double>(recording_.assoc_pos[row]));
       const auto position = turbomap::inverse(turbomap::to_isometry<double>(map_.T_cw(id(i)))) * in_camera;
       const point p = map_.add_point(position, id(i));
       turbomap::observe(map_, p, id(i), at);
@@ -120,6 +120,12 @@ class replayed_map {
         map_.seen_in_tracking(p, static_cast<std::uint32_t>(recording_.recent_visible[row]),
                               static_cast<std::uint32_t>(recording_.recent_found[row]));
     }
+  }
+
+  /// The map was multiplied by this factor: what comes from the recording follows.
+  void scaled(double factor) {
+    unit_ *= factor;
+    for (auto& T : last_pose_) T.tx *= factor, T.ty *= factor, T.tz *= factor;
   }
 
   /// A keyframe is about to leave the map.
@@ -140,7 +146,7 @@ class replayed_map {
   /// recorded pose. Inertial systems move their whole world a few times (events): there, poses are always chained, across a
   /// jump by the motion that the run ended with.
   turbomap::rigid_transform<double> own_pose(std::size_t i) const {
-    const auto recorded = turbomap::cast<double>(recording_.T_cw[i]);
+    const auto recorded = in_unit(turbomap::cast<double>(recording_.T_cw[i]));
     if (i == 0 || (recording_.meta.events.empty() && !chained_)) return recorded;
     bool jumped = false;
     for (const auto& event : recording_.meta.events)
@@ -149,7 +155,11 @@ class replayed_map {
     const auto& now = by_end ? recording_.final_T_cw[i] : recording_.T_cw[i];
     const auto& before = by_end ? recording_.final_T_cw[i - 1] : recording_.T_cw[i - 1];
     const auto motion = compose(turbomap::cast<double>(now), invert(turbomap::cast<double>(before)));
-    return compose(motion, T_cw(static_cast<std::int32_t>(i) - 1));
+    return compose(in_unit(motion), T_cw(static_cast<std::int32_t>(i) - 1));
+  }
+  turbomap::rigid_transform<double> in_unit(turbomap::rigid_transform<double> T) const {
+    T.tx *= unit_, T.ty *= unit_, T.tz *= unit_;
+    return T;
   }
   keyframe newest_alive() const {
     for (std::size_t i = ids_.size(); i-- > 0;)
@@ -166,6 +176,7 @@ class replayed_map {
 
   const turbomap::recording& recording_;
   bool chained_;
+  double unit_ = 1;  ///< of the recording, in that of the map
   map_type map_;
   std::vector<keyframe> ids_;
   std::vector<std::vector<point>> remembered_;  ///< of culled keyframes: the point of each keypoint

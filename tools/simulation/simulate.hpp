@@ -35,7 +35,8 @@ struct simulation_options {
   /// keyframes have velocities and biases (the true ones). False: never; as in a visual recording, the world is the first
   /// keyframe's camera frame, without stereo in a unit of its own.
   bool imu_initialised = true;
-  /// Length of that unit, m: a system without stereo and IMU does not know it. As long as the mean depth in the room.
+  /// Length of that unit, m: a system of one camera does not know it while its IMU is not initialised. As long as the mean depth
+  /// in the room.
   double monocular_unit = 2.5;
   motion_options motion;
   scene_options scene;
