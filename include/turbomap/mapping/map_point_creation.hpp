@@ -18,6 +18,8 @@
 #include "../plain_sort.hpp"
 #include "../plain_vector.hpp"
 #include "creation_commit.hpp"
+#include "keyframe_selection.hpp"
+#include "look_again.hpp"
 #include "neighbour_search.hpp"
 #include "stage.hpp"
 
@@ -61,10 +63,12 @@ class map_point_creation {
       compute_pairs(s.ctx, search, options);
     describe(s.ctx, search, appearance);
   }
-  /// Inserts the accepted points with those of their keypoints that are free yet.
+  /// Inserts the accepted points with those of their keypoints that are free yet. None if somebody moved a keyframe since it was
+  /// read, e.g. by closing a loop: the positions are of another map then.
   void commit(const scope& s, const search_type& search) {
     created_.clear(), due_.clear();
     const auto guard = s.guard();
+    if (!is_where_it_was(s.map, search.selection())) return;
     commit_points<Map>(s.map, new_points_view{positions_, offsets_, observations_}, {look_, descriptors_},
                        search.selection().keyframes(), created_, due_, s.faults);
   }
@@ -76,6 +80,19 @@ class map_point_creation {
   const creation_summary& summary() const { return summary_; }
 
  private:
+  /// Whether all keyframes of the search that are alive have the poses that were read.
+  static bool is_where_it_was(const Map& map, const keyframe_selection<Map>& selection) {
+    for (std::size_t n = 0; n < selection.size(); ++n) {
+      look_again(map, selection[n]);
+      if (!map_traits<Map>::alive(map, selection[n])) continue;
+      const rigid_transform<double> now = pose_of(map, selection[n]);
+      const rigid_transform<double>& then = selection.T_cw()[n];
+      const bool same = now.qx == then.qx && now.qy == then.qy && now.qz == then.qz && now.qw == then.qw &&
+                        now.tx == then.tx && now.ty == then.ty && now.tz == then.tz;
+      if (!same) return false;
+    }
+    return true;
+  }
   void compute_pairs(context<Policy>& ctx, const search_type& search, const creation_options& options) {
     create_points(ctx, search.matches(), options, pairs_);
     pairs_.plan(ctx, search.matches(), plan_);
