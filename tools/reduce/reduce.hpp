@@ -44,17 +44,18 @@ inline int status_of(const std::string& command, const std::filesystem::path& re
 
 struct reduction {
   std::vector<std::size_t> kept;  ///< keyframes of the recording that was given
-  int status = 0;                 ///< with which the command ends on `out`
+  int status = 0;                 ///< with which the command ends on them
   std::size_t runs = 0;           ///< of the command
 };
 
-/// Writes to `out` the recording of the fewest keyframes found on which the command ends with `status` (negative: with what it ends
-/// with on the whole). `out` holds the smallest so far at any time, also of a reduction that is interrupted; beside it
-/// OUT.candidate is written and removed. `tell(reduction)` is called whenever it became smaller. Throws
-/// std::invalid_argument when the command does not fail on the whole.
+/// Writes to the directory `named` the recording of the fewest keyframes found on which the command ends with `status`
+/// (negative: with what it ends with on the whole). The directory holds the smallest so far at any time, also of a reduction that
+/// is interrupted; beside it NAMED.candidate is written and removed. `tell(reduction)` is called whenever it became smaller.
+/// Throws std::invalid_argument when the command does not fail on the whole.
 template <class Tell>
-reduction reduce(const turbomap::recording& whole, const std::string& command, const std::filesystem::path& out,
+reduction reduce(const turbomap::recording& whole, const std::string& command, const std::filesystem::path& named,
                  int status, Tell tell) {
+  const auto out = named.has_filename() ? named : named.parent_path();  // without a slash at the end
   const std::filesystem::path candidate = out.string() + ".candidate";
   reduction found;
   const auto run = [&](const std::vector<std::size_t>& kept) {
