@@ -6,7 +6,8 @@
 /// Bundle adjustment: adjust(). Each iteration replaces the cost by the square of linearised residuals, adds a damping to
 /// its normal equations, and solves for a step (Levenberg and Marquardt's method); a step that makes the cost larger is taken
 /// back and tried again with more damping (Nielsen's rule). The landmarks are eliminated first (Schur complement), so that
-/// the system to solve is that of the frames.
+/// the system to solve is that of the frames. Longer than other headers, so that the loop can be read in one place, for host
+/// and device.
 
 #include <chrono>
 #include <cstddef>

@@ -4,7 +4,8 @@
 
 /// \file
 /// A bundle adjustment problem: frames, landmarks and groups of factors, taken from plain views, and their current estimate.
-/// levenberg_marquardt.hpp adjusts it, covariance.hpp tells how certain its frames are.
+/// levenberg_marquardt.hpp adjusts it, covariance.hpp tells how certain its frames are. Longer than other headers by the
+/// docstrings of what a user gives.
 
 #include <cstddef>
 #include <cstdint>

@@ -5,6 +5,7 @@
 /// \file
 /// What makes a recording a recording: every offset monotone and ending at its array's size, every index inside its
 /// array, every number finite. Afterwards nothing that replays it has to check again.
+/// Longer than other headers, so that the rules of the format stand in one place.
 
 #include <cmath>
 #include <cstdint>

@@ -5,6 +5,7 @@
 /// \file
 /// The stage that brings the appearance of map points (descriptor, normal, distance range) up to date with their
 /// observations. The caller knows which points are due: those that moved, and those whose observations changed.
+/// Longer than other stages: it works in pieces where the store has no room for all observers at once.
 
 #include <cstddef>
 #include <cstdint>

@@ -4,6 +4,7 @@
 
 /// \file
 /// map_traits of a map_mirror: reads come from its arrays; writes go to the user's map through its traits, and to the arrays.
+/// Longer than other headers: one short member for each that map_traits ask for.
 
 #include <cstddef>
 #include <cstdint>

@@ -4,7 +4,8 @@
 
 /// \file
 /// Keeps the immutable part of keyframes in the memory of an execution policy: inserted once, named by handles, read
-/// through views by every search. See docs/keyframe_store.md for the layout in bytes.
+/// through views by every search. See docs/keyframe_store.md for the layout in bytes. Longer than other headers by the
+/// docstrings of one class.
 
 #include <cstddef>
 #include <cstdint>
