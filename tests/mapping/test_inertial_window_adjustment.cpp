@@ -148,8 +148,9 @@ double difference(const turbomap::inertial_state<double>& a, const inertial_map&
 
 TEST_CASE_TEMPLATE("window and result are those of the definition", Policy, TURBOMAP_TEST_POLICIES) {
   for (const unsigned seed : {1U, 2U})
-    for (const auto& [current, keyframes, observers] : std::vector<std::array<int, 3>>{
+    for (const auto& numbers : std::vector<std::array<int, 3>>{
              {13, 5, 200}, {13, 5, 2}, {13, 40, 200}, {6, 40, 200}, {9, 4, 0}, {1, 1, 200}, {1, 2, 0}, {13, 1, 200}}) {
+      const int current = numbers[0], keyframes = numbers[1], observers = numbers[2];
       CAPTURE(seed);
       CAPTURE(current);
       CAPTURE(keyframes);
