@@ -44,18 +44,24 @@ std::vector<double> padded_copy(const Eigen::MatrixXd& S) {
   return A;
 }
 
+/// S x = b by dense_cholesky.
+Eigen::VectorXd solved(const Eigen::MatrixXd& S, const Eigen::VectorXd& b) {
+  const int n = static_cast<int>(b.size());
+  auto A = padded_copy(S);
+  dense_cholesky solver;
+  REQUIRE(solver.factorise(A.data(), n));
+  std::vector<double> x(static_cast<std::size_t>(dense_cholesky::padded(n)), 3.0);
+  for (int i = 0; i < n; ++i) x[static_cast<std::size_t>(i)] = b[i];
+  solver.solve(A.data(), n, x.data());
+  return Eigen::Map<Eigen::VectorXd>(x.data(), n);
+}
+
 TEST_CASE("dense: every size up to a few tiles, and larger") {
   for (const int n : {1, 2, 5, 6, 7, 8, 9, 15, 16, 17, 24, 36, 60, 100, 180, 255}) {
     CAPTURE(n);
     const Eigen::MatrixXd S = symmetric(n, 2 * n + 5, static_cast<unsigned>(n));
     const Eigen::VectorXd b = random_matrix(n, 1, 7);
-    auto A = padded_copy(S);
-    dense_cholesky solver;
-    REQUIRE(solver.factorise(A.data(), n));
-    std::vector<double> x(static_cast<std::size_t>(dense_cholesky::padded(n)), 3.0);
-    for (int i = 0; i < n; ++i) x[static_cast<std::size_t>(i)] = b[i];
-    solver.solve(A.data(), n, x.data());
-    const Eigen::VectorXd expected = S.llt().solve(b), got = Eigen::Map<Eigen::VectorXd>(x.data(), n);
+    const Eigen::VectorXd expected = S.llt().solve(b), got = solved(S, b);
     CHECK((got - expected).norm() < 1e-8 * expected.norm());
     CHECK((S * got - b).norm() < 1e-11 * b.norm() * n);
   }
@@ -75,13 +81,7 @@ TEST_CASE("dense: rows that begin with zeros") {
       S += J * J.transpose();
     }
     const Eigen::VectorXd b = random_matrix(n, 1, 7);
-    auto A = padded_copy(S);
-    dense_cholesky solver;
-    REQUIRE(solver.factorise(A.data(), n));
-    std::vector<double> x(static_cast<std::size_t>(dense_cholesky::padded(n)), 3.0);
-    for (int i = 0; i < n; ++i) x[static_cast<std::size_t>(i)] = b[i];
-    solver.solve(A.data(), n, x.data());
-    const Eigen::VectorXd expected = S.llt().solve(b), got = Eigen::Map<Eigen::VectorXd>(x.data(), n);
+    const Eigen::VectorXd expected = S.llt().solve(b), got = solved(S, b);
     CHECK((got - expected).norm() < 1e-11 * expected.norm());
   }
 }
