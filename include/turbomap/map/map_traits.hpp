@@ -226,6 +226,10 @@ rigid_transform<double> pose_of(const Map& map, typename map_traits<Map>::keyfra
   T_cw.tx = T.tx, T_cw.ty = T.ty, T_cw.tz = T.tz;
   return T_cw;
 }
+/// Whether nothing moved a pose meanwhile: equal to the last bit.
+inline bool is_same_pose(const rigid_transform<double>& a, const rigid_transform<double>& b) {
+  return a.qx == b.qx && a.qy == b.qy && a.qz == b.qz && a.qw == b.qw && a.tx == b.tx && a.ty == b.ty && a.tz == b.tz;
+}
 
 /// Holds the user's guard of the map, if there is one, while it lives.
 template <class Map>

@@ -110,9 +110,6 @@ class adjustment_commit {
   const list_of<point>& points_that_lost_views() const { return lost_views_; }
 
  private:
-  static bool same(const rigid_transform<double>& a, const rigid_transform<double>& b) {
-    return a.qx == b.qx && a.qy == b.qy && a.qz == b.qz && a.qw == b.qw && a.tx == b.tx && a.ty == b.ty && a.tz == b.tz;
-  }
   template <class Write>
   void in_parts(const scope& s, std::size_t count, std::size_t most, local_adjustment_summary& summary, Write write) {
     for (std::size_t begin = 0; begin < count && !summary.stale; begin += most) {
@@ -128,7 +125,7 @@ class adjustment_commit {
     for (std::size_t f = 0; f < frames.size(); ++f) {
       if (window_.fixed()[f] != 0) continue;
       look_again(map, frames[f]);
-      if (!traits::alive(map, frames[f]) || !same(pose_of(map, frames[f]), known_[f])) return false;
+      if (!traits::alive(map, frames[f]) || !is_same_pose(pose_of(map, frames[f]), known_[f])) return false;
     }
     return true;
   }

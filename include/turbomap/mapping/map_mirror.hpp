@@ -390,8 +390,7 @@ class map_mirror {
   bool look_at_pose(std::size_t k, const user_keyframe& name) const {
     const auto T = pose_of(map_, name);
     auto& old = keyframes_[k].T_cw;
-    const bool same = T.qx == old.qx && T.qy == old.qy && T.qz == old.qz && T.qw == old.qw && T.tx == old.tx &&
-                      T.ty == old.ty && T.tz == old.tz;
+    const bool same = is_same_pose(T, old);
     old = T;
     keyframes_[k].pose_read = 1;
     return !same;

@@ -85,11 +85,7 @@ class map_point_creation {
     for (std::size_t n = 0; n < selection.size(); ++n) {
       look_again(map, selection[n]);
       if (!map_traits<Map>::alive(map, selection[n])) continue;
-      const rigid_transform<double> now = pose_of(map, selection[n]);
-      const rigid_transform<double>& then = selection.T_cw()[n];
-      const bool same = now.qx == then.qx && now.qy == then.qy && now.qz == then.qz && now.qw == then.qw &&
-                        now.tx == then.tx && now.ty == then.ty && now.tz == then.tz;
-      if (!same) return false;
+      if (!is_same_pose(pose_of(map, selection[n]), selection.T_cw()[n])) return false;
     }
     return true;
   }
