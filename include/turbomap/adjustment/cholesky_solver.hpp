@@ -150,7 +150,8 @@ class cholesky_solver {
 
   template <class Policy>
   void form(context<Policy>& ctx, const damping& damping) {
-    if (System::fills_gaps) fill_bytes(ctx.policy(), matrix_, 0, system_.size() * sizeof(double));
+    if (System::fills_gaps && s_.blocks < s_.free_frames * (s_.free_frames - 1) / 2)
+      fill_bytes(ctx.policy(), matrix_, 0, system_.size() * sizeof(double));
     launch_reduce_blocks<V, D>(ctx.policy(), s_, system_.layout(matrix_, x_), damping);
   }
 

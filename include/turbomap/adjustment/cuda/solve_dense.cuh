@@ -4,211 +4,248 @@
 
 /// \file
 /// launch_solve_dense() under a CUDA policy: Cholesky's method by one thread block, for the systems of local windows. Nothing
-/// of the matrix goes to the host. Right-looking, 16 columns at a time: a warp factorises the square on the diagonal, a thread
-/// per row solves the rows below it, then all threads subtract the products of these columns from what is left, in squares of
-/// 4 by 4. The right hand side is one row more, so that L y = b is solved on the way.
+/// of the matrix goes to the host. It works on tiles of 16 by 16, right-looking: one warp factorises the tile on the diagonal
+/// and inverts the factor; the tiles below are multiplied by the inverse, and their products are subtracted from what is left.
+/// One step waits for the next one's tile on the diagonal only, so the first warp factorises that while the others subtract.
+
+#include <cstddef>
 
 #include "../../config.hpp"
 #include "../../cuda/warp.cuh"
 #include "../../math/functions.hpp"
 #include "../../parallel.hpp"
 #include "../solve_dense.hpp"
+#include "tile_products.cuh"
 #include "tuning.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
-/// What the block keeps in shared memory.
-struct dense_block {
-  static constexpr int width = solve_dense_tuning::columns;
-  int n, ld;  ///< ld: n rounded up, the leading dimension of `panel`
-  double *panel, *y, *diagonal, *reciprocal;
+/// Where the block keeps the lower triangle of tiles: in shared memory, of devices that have enough of it.
+class shared_tiles {
+ public:
+  static constexpr int width = tile_width;
 
-  __device__ dense_block(int unknowns, double* memory)
-      : n(unknowns),
-        ld(rounded_up(unknowns)),
-        panel(memory),
-        y(panel + width * ld),
-        diagonal(y + ld),
-        reciprocal(diagonal + ld) {}
-  static __host__ __device__ int rounded_up(int n) { return (n + 7) / 8 * 8; }
-  static std::size_t bytes(int n) { return static_cast<std::size_t>((width + 3) * rounded_up(n)) * sizeof(double); }
+  __device__ shared_tiles(const dense_equations&, double* memory) : memory_(memory) {}
+  static int count(int n) { return (n + width - 1) / width; }
+  static std::size_t bytes(int n) {
+    return static_cast<std::size_t>(count(n) * (count(n) + 1) / 2) * width * width * sizeof(double);
+  }
+
+  /// All warps: a warp per tile. What is above the diagonal is 0, what is beyond the matrix an identity.
+  __device__ void load(const dense_equations& s, int warp, int warps) const {
+    const int lane = static_cast<int>(threadIdx.x) % warp_size, r = lane % width;
+    const int tiles = (s.n + width - 1) / width;
+    for (int i = 0, j = warp;; j += warps) {
+      while (j > i) j -= i + 1, ++i;
+      if (i >= tiles) return;
+      const shared_tile to = tile(i, j);
+      const int row = i * width + r;
+      double x[width / 2];
+#pragma unroll
+      for (int k = 0; k < width / 2; ++k) {
+        const int column = j * width + 2 * k + lane / width;
+        const bool inside = row < s.n && column <= row;
+        x[k] = inside ? s.S[static_cast<std::ptrdiff_t>(column) * s.stride + row] : row == column;
+      }
+#pragma unroll
+      for (int k = 0; k < width / 2; ++k) to.store(r, 2 * k + lane / width, x[k]);
+    }
+  }
+  __device__ shared_tile tile(int i, int j) const { return {memory_ + (i * (i + 1) / 2 + j) * width * width}; }
+
+ private:
+  double* memory_;
 };
 
-/// One warp: the square on the diagonal, of which lane r has row r. \return false: a pivot is too small
-__device__ inline bool factorise_square(const dense_equations& s, const dense_block& m, int begin, int size,
-                                        double (*square)[dense_block::width + 1]) {
-  constexpr int width = dense_block::width;
-  const int lane = static_cast<int>(threadIdx.x) % warp_size, row = lane < width ? lane : width - 1;
-  double a[width];
-  bool good = true;
+/// Where they are, else.
+class resident_tiles {
+ public:
+  __device__ resident_tiles(const dense_equations& s, double*) : s_(s) {}
+  static std::size_t bytes(int) { return 0; }
+  __device__ void load(const dense_equations&, int, int) const {}
+  __device__ resident_tile tile(int i, int j) const {
+    const int row = i * tile_width, column = j * tile_width;
+    return {s_.S + static_cast<std::ptrdiff_t>(column) * s_.stride + row, s_.stride, s_.n - row, s_.n - column, i == j};
+  }
+
+ private:
+  dense_equations s_;
+};
+
+/// A reciprocal within two units of the last place, by one step from that of the hardware: a division takes twice as long.
+__device__ inline double quick_reciprocal(double x) {
+  double y;
+  asm("rcp.approx.ftz.f64 %0, %1;" : "=d"(y) : "d"(x));
+  const double e = fma(-x, y, 1.0);
+  return fma(y, fma(e, e, e), y);
+}
+
+/// One warp: replaces a tile on the diagonal, L L^T, by the inverse of L. Lane r has row r, lane 16 + r that of an identity: the
+/// steps that divide the rows below by L^T make the inverse of them. What a column waits for is short: its pivot follows from
+/// the one before in each lane, and roots are taken of all together, at the end.
+/// \return false: a pivot is too small
+template <class Tile>
+__device__ inline bool invert_factor(const Tile& tile, const double* diagonal, double tolerance) {
+  constexpr int width = tile_width;
+  const int lane = static_cast<int>(threadIdx.x) % warp_size, row = lane % width;
+  double a[width], own = 0;
 #pragma unroll
-  for (int c = 0; c < width; ++c)
-    a[c] = row < size && c <= row ? s.S[static_cast<std::ptrdiff_t>(begin + c) * s.stride + begin + row] : row == c;
+  for (int c = 0; c < width; ++c) a[c] = lane >= width ? c == row : c <= row ? tile.load(row, c) : 0;
+  double pivot = __shfl_sync(whole_warp, a[0], 0);
 #pragma unroll
   for (int c = 0; c < width; ++c) {
-    const double pivot = __shfl_sync(whole_warp, a[c], c);
-    if (c < size) good = good && pivot > s.tolerance * m.diagonal[begin + c] && pivot > 0 && is_finite(pivot);
-    const double r = rsqrt(pivot);
-    a[c] = row == c ? pivot * r : a[c] * r;
-    if (lane == c && c < size) m.reciprocal[begin + c] = r;
+    own = row == c ? pivot : own;
+    const double reciprocal = quick_reciprocal(pivot), scaled = a[c] * reciprocal;
+    if (c + 1 < width) {
+      const double next = __shfl_sync(whole_warp, a[c], c + 1);
+      pivot = fma(-(next * next), reciprocal, __shfl_sync(whole_warp, a[c + 1 < width ? c + 1 : c], c + 1));
+    }
 #pragma unroll
-    for (int k = c + 1; k < width; ++k) a[k] -= a[c] * __shfl_sync(whole_warp, a[c], k);
+    for (int k = c + 1; k < width; ++k) a[k] -= scaled * __shfl_sync(whole_warp, a[c], k);
   }
+  const bool good = own > tolerance * diagonal[row] && own > 0 && is_finite(own);
+  const double root = rsqrt(own);
+  __syncwarp();  // all have read the tile
 #pragma unroll
   for (int c = 0; c < width; ++c) {
-    if (lane < width) square[lane][c] = a[c];
-    if (lane < size && c <= lane) s.S[static_cast<std::ptrdiff_t>(begin + c) * s.stride + begin + lane] = a[c];
+    const double x = a[c] * __shfl_sync(whole_warp, root, c);
+    if (lane >= width) tile.store(c, row, x);  // transposed; zeros above the diagonal
   }
-  return good;
+  __syncwarp();
+  return __all_sync(whole_warp, good) != 0;
 }
 
-/// The rows below the square: x L^T = what they hold. The row after the last is the right hand side.
-/// \param square  volatile, or the compiler takes all of it out of the loop, into registers that there are not
-__device__ inline void solve_rows(const dense_equations& s, const dense_block& m, int begin, int size,
-                                  const volatile double (*square)[dense_block::width + 1]) {
-  constexpr int width = dense_block::width;
-  const int first = begin + size, rows = m.n - first, padded = (rows + 3) / 4 * 4;
-  for (int t = static_cast<int>(threadIdx.x); t <= padded; t += static_cast<int>(blockDim.x)) {
-    const bool is_side = t == padded, is_row = t < rows;
-    double x[width];
+/// One warp: tile times vector. \tparam Transposed  the tile is   \return in lanes r and 16 + r: element r
+template <bool Transposed, class Tile>
+__device__ inline double multiply_vector(const Tile& tile, const double* x) {
+  constexpr int width = tile_width, half = width / 2;
+  const int lane = static_cast<int>(threadIdx.x) % warp_size, r = lane % width, first = lane / width * half;
+  double sum[2] = {};
 #pragma unroll
-    for (int c = 0; c < width; ++c)
-      x[c] = c >= size ? 0
-             : is_side ? m.y[begin + c]
-             : is_row  ? s.S[static_cast<std::ptrdiff_t>(begin + c) * s.stride + first + t]
-                       : 0;
-#pragma unroll
-    for (int c = 0; c < width; ++c) {
-      x[c] *= c < size ? m.reciprocal[begin + c] : 0;
-#pragma unroll
-      for (int k = c + 1; k < width; ++k) x[k] -= x[c] * square[k][c];
-    }
-#pragma unroll
-    for (int c = 0; c < width; ++c) {
-      if (is_side) {
-        if (c < size) m.y[begin + c] = x[c];
-        continue;
-      }
-      m.panel[c * m.ld + t] = x[c];
-      if (is_row && c < size) s.S[static_cast<std::ptrdiff_t>(begin + c) * s.stride + first + t] = x[c];
-    }
-  }
+  for (int k = 0; k < half; ++k)
+    sum[k % 2] += (Transposed ? tile.load(first + k, r) : tile.load(r, first + k)) * x[first + k];
+  sum[0] += sum[1];
+  return sum[0] + __shfl_xor_sync(whole_warp, sum[0], width);
 }
 
-/// Subtracts the products of the columns from what is right of them, and from the right hand side.
-__device__ inline void subtract_products(const dense_equations& s, const dense_block& m, int begin, int size) {
-  constexpr int width = dense_block::width, tile = 4;
-  const int first = begin + size, rows = m.n - first, tiles = (rows + tile - 1) / tile;
-  const int threads = static_cast<int>(blockDim.x), thread = static_cast<int>(threadIdx.x);
-  // Columns of tiles get shorter from left to right: a long and a short one make tiles + 1.
-  for (int t = thread; t < (tiles + 1) / 2 * (tiles + 1); t += threads) {
-    const int pair = t / (tiles + 1), at = t % (tiles + 1), mirrored = tiles - 1 - pair;
-    const bool is_long = at < tiles - pair;
-    if (!is_long && mirrored == pair) continue;
-    const int column = is_long ? pair : mirrored, row = is_long ? pair + at : mirrored + at - (tiles - pair);
-    double sum[tile][tile];
-    double* const S = s.S + static_cast<std::ptrdiff_t>(first + column * tile) * s.stride + first + row * tile;
-#pragma unroll
-    for (int k = 0; k < tile; ++k)
-#pragma unroll
-      for (int i = 0; i < tile; ++i) sum[k][i] = S[static_cast<std::ptrdiff_t>(k) * s.stride + i];
-#pragma unroll 4
-    for (int c = 0; c < width; ++c) {
-      const double *a = m.panel + c * m.ld + row * tile, *b = m.panel + c * m.ld + column * tile;
-#pragma unroll
-      for (int k = 0; k < tile; ++k)
-#pragma unroll
-        for (int i = 0; i < tile; ++i) sum[k][i] -= a[i] * b[k];
-    }
-#pragma unroll
-    for (int k = 0; k < tile; ++k)
-#pragma unroll
-      for (int i = 0; i < tile; ++i) S[static_cast<std::ptrdiff_t>(k) * s.stride + i] = sum[k][i];
-  }
-  for (int t = thread; t < rows; t += threads) {
-    double sum = 0;
-    for (int c = 0; c < size; ++c) sum += m.panel[c * m.ld + t] * m.y[begin + c];
-    m.y[first + t] -= sum;
-  }
+/// One warp: x <- tile x.
+template <bool Transposed, class Tile>
+__device__ inline void replace_by_product(const Tile& tile, double* x) {
+  const int lane = static_cast<int>(threadIdx.x) % warp_size;
+  const double y = multiply_vector<Transposed>(tile, x);
+  __syncwarp();
+  if (lane < tile_width) x[lane] = y;
+  __syncwarp();
+}
+/// One warp: y <- y - tile x.
+template <bool Transposed, class Tile>
+__device__ inline void subtract_product(const Tile& tile, const double* x, double* y) {
+  const int lane = static_cast<int>(threadIdx.x) % warp_size;
+  const double p = multiply_vector<Transposed>(tile, x);
+  if (lane < tile_width) y[lane] -= p;
+  __syncwarp();
 }
 
-/// L^T x = y for the unknowns from `begin`, when those after them are known. All threads.
-__device__ inline void substitute_back(const dense_equations& s, const dense_block& m, int begin, int size) {
-  constexpr int width = dense_block::width;
-  const int thread = static_cast<int>(threadIdx.x), lane = thread % warp_size;
-  for (int c = thread / warp_size; c < size; c += static_cast<int>(blockDim.x) / warp_size) {
-    const double* column = s.S + static_cast<std::ptrdiff_t>(begin + c) * s.stride;
-    double sum = 0;
-    for (int i = begin + size + lane; i < m.n; i += warp_size) sum += column[i] * m.y[i];
-    sum = sum_lanes<warp_size>(sum);
-    if (lane == 0) m.y[begin + c] -= sum;
+/// What is left of the matrix and of the right hand side after the columns of tile p: all tasks but the first, which is the
+/// next tile on the diagonal. \param worker  of `workers`, a warp each
+template <class Tiles>
+__device__ inline void subtract_columns(const Tiles& tiles, int p, int count, double* y, int worker, int workers) {
+  const int first = p + 1, rows = count - first;
+  for (int i = 0, j = 1 + worker;; j += workers) {  // row i: i + 1 tiles, then its part of the right hand side
+    while (j > i + 1) j -= i + 2, ++i;
+    if (i >= rows) return;
+    if (j > i)
+      subtract_product<false>(tiles.tile(first + i, p), y + p * tile_width, y + (first + i) * tile_width);
+    else
+      subtract_tiles(tiles.tile(first + i, first + j), tiles.tile(first + i, p), tiles.tile(first + j, p));
   }
-  __syncthreads();
-  if (thread < warp_size) {
-    double column[width], y = lane < size ? m.y[begin + lane] : 0;
-#pragma unroll
-    for (int r = 0; r < width; ++r)
-      column[r] = lane < r && r < size ? s.S[static_cast<std::ptrdiff_t>(begin + lane) * s.stride + begin + r] : 0;
-#pragma unroll
-    for (int r = width - 1; r >= 0; --r) {
-      const double x = __shfl_sync(whole_warp, y, r) * (r < size ? m.reciprocal[begin + r] : 0);
-      y = lane == r ? x : y - column[r] * x;
-    }
-    if (lane < size) m.y[begin + lane] = y;
-  }
-  __syncthreads();
 }
 
 }  // namespace detail
 
-template <class Tuning>  // a template, so that several units may have it
+template <class Tuning, class Tiles>
 __global__ void __launch_bounds__(Tuning::threads) solve_dense_kernel(dense_equations s) {
-  constexpr int width = detail::dense_block::width;
+  constexpr int width = detail::tile_width, warps = Tuning::threads / warp_size;
   extern __shared__ double solve_dense_memory[];
-  __shared__ double square[width][width + 1];
   __shared__ int good;
-  const detail::dense_block m(s.n, solve_dense_memory);
-  const int thread = static_cast<int>(threadIdx.x), threads = static_cast<int>(blockDim.x);
-  for (int i = thread; i < s.n; i += threads) {
-    m.y[i] = s.x[i];
-    m.diagonal[i] = s.S[static_cast<std::ptrdiff_t>(i) * s.stride + i];
+  const int thread = static_cast<int>(threadIdx.x), warp = thread / warp_size;
+  const int count = (s.n + width - 1) / width, padded = count * width;
+  double* const y = solve_dense_memory;
+  double* const diagonal = y + padded;
+  const Tiles tiles(s, diagonal + padded);
+  for (int i = thread; i < padded; i += Tuning::threads) {
+    y[i] = i < s.n ? s.x[i] : 0;
+    diagonal[i] = i < s.n ? s.S[static_cast<std::ptrdiff_t>(i) * s.stride + i] : 1;
   }
+  tiles.load(s, warp, warps);
   __syncthreads();
-  for (int begin = 0; begin < s.n; begin += width) {
-    const int size = s.n - begin < width ? s.n - begin : width;
-    if (thread < warp_size) {
-      const bool factorised = detail::factorise_square(s, m, begin, size, square);
-      if (thread == 0) good = factorised ? 1 : 0;
-    }
-    __syncthreads();
+  const auto factorise = [&](int p) {
+    const bool factorised = detail::invert_factor(tiles.tile(p, p), diagonal + p * width, s.tolerance);
+    if (thread == 0) good = factorised ? 1 : 0;
+  };
+  if (warp == 0) factorise(0);
+  __syncthreads();
+  for (int p = 0; p < count; ++p) {
     if (good == 0) {
       if (thread == 0) *s.solved = 0;
       return;
     }
-    detail::solve_rows(s, m, begin, size, square);
+    for (int i = p + 1 + warp; i < count; i += warps) detail::divide_tile(tiles.tile(i, p), tiles.tile(p, p));
+    if (warp == warps - 1) detail::replace_by_product<false>(tiles.tile(p, p), y + p * width);
     __syncthreads();
-    detail::subtract_products(s, m, begin, size);
+    // Warps 4, 8, ... would share the arithmetic of the first one, for which all wait.
+    if (warp % 4 != 0)
+      detail::subtract_columns(tiles, p, count, y, warp - warp / 4 - 1, warps - warps / 4);
+    else if (warp == 0 && p + 1 < count) {
+      detail::subtract_tiles(tiles.tile(p + 1, p + 1), tiles.tile(p + 1, p), tiles.tile(p + 1, p));
+      factorise(p + 1);
+    }
     __syncthreads();
   }
-  for (int begin = (s.n - 1) / width * width; begin >= 0; begin -= width)
-    detail::substitute_back(s, m, begin, s.n - begin < width ? s.n - begin : width);
-  for (int i = thread; i < s.n; i += threads) s.x[i] = m.y[i];
+  // L^T x = y, from the last tile on; the first warp has the one that is next.
+  if (warp == 0) detail::replace_by_product<true>(tiles.tile(count - 1, count - 1), y + (count - 1) * width);
+  __syncthreads();
+  for (int p = count - 1; p > 0; --p) {
+    for (int q = p - 1 - warp; q >= 0; q -= warps) {
+      detail::subtract_product<true>(tiles.tile(p, q), y + p * width, y + q * width);
+      if (q == p - 1) detail::replace_by_product<true>(tiles.tile(q, q), y + q * width);
+    }
+    __syncthreads();
+  }
+  for (int i = thread; i < s.n; i += Tuning::threads) s.x[i] = y[i];
   if (thread == 0) *s.solved = 1;
 }
+
+namespace detail {
+
+/// False: the device has too little shared memory, and nothing was launched.
+template <class Tiles, class Derived>
+bool launch_solve_in(const thrust::cuda_cub::execution_policy<Derived>& policy, const dense_equations& s) {
+  constexpr int of_kernel = 64;  // bytes of shared memory that are not dynamic
+  int device = 0, most = 0;
+  check_cuda(cudaGetDevice(&device), "current device");
+  check_cuda(cudaDeviceGetAttribute(&most, cudaDevAttrMaxSharedMemoryPerBlockOptin, device),
+             "shared memory of a block");
+  const std::size_t vectors = 2 * static_cast<std::size_t>(s.n + tile_width) * sizeof(double);
+  const std::size_t bytes = vectors + Tiles::bytes(s.n);
+  if (bytes > static_cast<std::size_t>(most - of_kernel)) return false;
+  const auto kernel = solve_dense_kernel<solve_dense_tuning, Tiles>;
+  // The attribute belongs to the kernel, which all contexts share: always the same value.
+  check_cuda(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, most - of_kernel),
+             "shared memory of solve_dense");
+  launch_kernel_with(policy, "launch of solve_dense", bytes, kernel, 1, solve_dense_tuning::threads, s);
+  return true;
+}
+
+}  // namespace detail
 
 template <class Derived>
 bool launch_solve_dense(const thrust::cuda_cub::execution_policy<Derived>& policy, const dense_equations& s) {
   if (s.n <= 0 || s.n > solve_dense_tuning::unknowns) return false;
-  const std::size_t bytes = detail::dense_block::bytes(s.n);
-  const auto kernel = solve_dense_kernel<solve_dense_tuning>;
-  // The attribute belongs to the kernel, which all contexts share: always the same value.
-  const int most = static_cast<int>(detail::dense_block::bytes(solve_dense_tuning::unknowns));
-  check_cuda(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, most),
-             "shared memory of solve_dense");
-  launch_kernel_with(policy, "launch of solve_dense", bytes, kernel, 1, solve_dense_tuning::threads, s);
-  return true;
+  return detail::launch_solve_in<detail::shared_tiles>(policy, s) ||
+         detail::launch_solve_in<detail::resident_tiles>(policy, s);
 }
 
 TURBOMAP_END_NAMESPACE
