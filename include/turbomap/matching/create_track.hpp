@@ -16,19 +16,57 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Index = track.
-template <class Descriptor, class Camera>
+namespace detail {
+
+/// What a row of a view's projection (u, v or u_right) adds to a fit.
+struct row_fit {
+  symmetric3<decision> information;
+  vec3<decision> descent;
+  decision cost;
+};
+/// How a point fits one view. Views are looked at in any order; what they add is added in theirs.
+struct view_fit {
+  row_fit rows[3];
+  decision distance;  ///< m, of the camera
+  decision error;     ///< over its gate
+  decision ratio;     ///< of the scale's, over its tolerance
+  bool seen;          ///< in front of the camera; nothing else is known where not
+  bool stereo;
+};
+
+/// One thread makes a point by itself. A warp shares the views of a track: cuda/create_tracks.cuh.
+struct one_worker {
+  static constexpr int count = 1;
+  view_fit* fits;  ///< room for one view per worker
+
+  TURBOMAP_HD int number() const { return 0; }
+  TURBOMAP_HD bool any(bool of_mine) const { return of_mine; }
+  /// Bit k: what worker k says.
+  TURBOMAP_HD unsigned all(bool of_mine) const { return of_mine ? 1 : 0; }
+  /// All see what was written before.
+  TURBOMAP_HD void meet() const {}
+};
+
+}  // namespace detail
+
+/// Index = track. \tparam Workers  who share a track; all hold the same values and take the same way
+template <class Descriptor, class Camera, class Workers = detail::one_worker>
 struct create_track {
   track_creation_view<Descriptor, Camera> tracks;
 
   TURBOMAP_HD void operator()(int t) const {
+    detail::view_fit fit;
+    make(t, {&fit});
+  }
+  TURBOMAP_HD void make(int t, const Workers& workers) const {
     created_track p{};
     p.method = creation_method::none;
     const range views{tracks.offsets[t], tracks.offsets[t + 1]};
     p.views = views.end - views.begin;
-    p.outcome =
-        known_landmark<Descriptor, Camera>{tracks}(views.begin, views.end) ? creation_outcome::known : create(views, p);
-    tracks.points[t] = p;
+    const bool known =
+        known_landmark<Descriptor, Camera>{tracks}(views.begin, views.end, workers.number(), Workers::count);
+    p.outcome = workers.any(known) ? creation_outcome::known : create(views, workers, p);
+    if (workers.number() == 0) tracks.points[t] = p;
   }
 
  private:
@@ -67,13 +105,14 @@ struct create_track {
     return tracks.views[i].keyframe == 0 ? query : neighbour;
   }
 
-  TURBOMAP_HD creation_outcome create(const range& views, created_track& p) const {
+  TURBOMAP_HD creation_outcome create(const range& views, const Workers& workers, created_track& p) const {
     for (; p.views > 2; --p.views) {
       vec3<decision> X;
-      if (!begin(views, p.method, X)) return creation_outcome::low_parallax;
-      const fit f = refine(views, X);
+      if (!begin(views, workers, p.method, X)) return creation_outcome::low_parallax;
+      const fit f = refine(views, workers, X);
       if (!f.behind && !(f.excess > decision(1))) return accept(f, X, p);
-      tracks.kept[f.worst] = 0;
+      if (workers.number() == 0) tracks.kept[f.worst] = 0;
+      workers.meet();
     }
     p.method = creation_method::none;
     const int a = next(views, views.begin), b = next(views, a + 1);
@@ -81,9 +120,9 @@ struct create_track {
     if (outcome != creation_outcome::accepted) return outcome;
     // Better by the errors in pixels; if that costs a test, the pair's point stays.
     vec3<decision> X = cast<decision>(p.position), refined = X;
-    fit f = refine(views, refined);
+    fit f = refine(views, workers, refined);
     if (f.behind || f.excess > decision(1))
-      f = compare(views, X);
+      f = compare(views, workers, X);
     else
       X = refined;
     return accept(f, X, p);
@@ -106,7 +145,7 @@ struct create_track {
 
   /// Where the estimate begins: the point nearest to all rays, if a pair of them has more parallax than a stereo pair of any
   /// view, else the back-projection of the stereo view of largest parallax. False: neither is possible.
-  TURBOMAP_HD bool begin(const range& views, creation_method& method, vec3<decision>& X) const {
+  TURBOMAP_HD bool begin(const range& views, const Workers& workers, creation_method& method, vec3<decision>& X) const {
     method = creation_method::none;
     decision limit(2);
     int stereo = -1;
@@ -117,7 +156,7 @@ struct create_track {
       stereo = i;
     }
     if (stereo < 0) limit = decision(tracks.options.max_parallax_cosine);
-    if (rays_suffice(views, limit)) {
+    if (workers.any(rays_suffice(views, workers, limit))) {
       method = creation_method::triangulated;
       X = nearest_to_rays(views);
       return true;
@@ -128,13 +167,15 @@ struct create_track {
     X = inverse(camera(stereo).T_cw) * (v.depth * v.ray);
     return true;
   }
-  /// Whether a pair of rays has a parallax below 90 degrees whose cosine is below the limit.
-  TURBOMAP_HD bool rays_suffice(const range& views, const decision& limit) const {
-    for (int i = next(views, views.begin); i < views.end; i = next(views, i + 1))
+  /// Whether a pair of rays has a parallax below 90 degrees whose cosine is below the limit, of this worker's share of pairs.
+  TURBOMAP_HD bool rays_suffice(const range& views, const Workers& workers, const decision& limit) const {
+    for (int i = views.begin + workers.number(); i < views.end; i += Workers::count) {
+      if (tracks.kept[i] == 0) continue;
       for (int j = next(views, i + 1); j < views.end; j = next(views, j + 1)) {
         const decision cosine = dot(tracks.placed_views[i].direction, tracks.placed_views[j].direction);
         if (cosine < limit && cosine > decision(0)) return true;
       }
+    }
     return false;
   }
   /// The point whose squared distances to all rays have the least sum. Rays that suffice are not parallel.
@@ -159,13 +200,13 @@ struct create_track {
   }
 
   /// Moves X to where the errors are least, as far as the options let it, and says how it fits there.
-  TURBOMAP_HD fit refine(const range& views, vec3<decision>& X) const {
-    fit f = compare(views, X);
+  TURBOMAP_HD fit refine(const range& views, const Workers& workers, vec3<decision>& X) const {
+    fit f = compare(views, workers, X);
     for (int step = 0; step < tracks.options.refinement_steps && !f.behind; ++step) {
       const vec3<decision> move = solve(f.information, f.descent);
       if (!(dot(f.descent, move) > decision(tracks.options.refinement_tolerance))) break;
       const vec3<decision> moved = X + move;
-      const fit g = compare(views, moved);
+      const fit g = compare(views, workers, moved);
       if (g.behind || !(g.cost < f.cost)) break;
       X = moved;
       f = g;
@@ -174,54 +215,84 @@ struct create_track {
   }
 
   /// Reprojects into the views that are left. The scale is compared with the first of them, the query's where it is there.
-  TURBOMAP_HD fit compare(const range& views, const vec3<decision>& X) const {
+  TURBOMAP_HD fit compare(const range& views, const Workers& workers, const vec3<decision>& X) const {
     fit f{};
     f.descent = {decision(0), decision(0), decision(0)};
     f.cost = f.farthest = f.excess = decision(0);
     f.behind = false;
+    const int first = next(views, views.begin);
+    const decision first_size = norm(X - camera(first).centre) * scale(first);
+    for (int begin = first; begin < views.end; begin += Workers::count) {
+      const int mine = begin + workers.number();
+      const bool left = mine < views.end && tracks.kept[mine] != 0;
+      workers.meet();  // what was in `fits` has been read
+      if (left) look(mine, X, first_size, workers.fits[workers.number()]);
+      const unsigned looked_at = workers.all(left);
+      workers.meet();
+      for (int k = 0; k < Workers::count; ++k)
+        if ((looked_at >> k & 1U) != 0 && !add(f, workers.fits[k], begin + k, begin + k == first)) return f;
+    }
+    return f;
+  }
+  /// One view's part of compare().
+  TURBOMAP_HD void look(int i, const vec3<decision>& X, const decision& first_size, detail::view_fit& fit) const {
+    const detail::creation_view& v = tracks.placed_views[i].seen;
+    projected_point<decision> p;
+    fit.seen = project_point(model(i), camera(i).T_cw, v.stereo ? v.bf : decision(0), X, p) && p.depth > decision(0);
+    if (!fit.seen) return;
     const creation_options& o = tracks.options;
     const decision correlation(o.stereo_correlation), one(1);
     const decision tolerance = decision(o.scale_tolerance) * decision(o.scales.scale_factor);
-    const int first = next(views, views.begin);
-    decision first_size(0);
-    for (int i = first; i < views.end; i = next(views, i + 1)) {
-      const detail::creation_view& v = tracks.placed_views[i].seen;
-      projected_point<decision> p;
-      if (!project_point(model(i), camera(i).T_cw, v.stereo ? v.bf : decision(0), X, p) || !(p.depth > decision(0))) {
-        f.worst = i;
-        f.behind = true;
-        f.reason = of_view(i, creation_outcome::behind_query, creation_outcome::behind_neighbour);
-        return f;
-      }
-      const decision du = p.pixel.x - v.pixel.x, dv = p.pixel.y - v.pixel.y, w = one / v.sigma2;
-      decision squared = du * du + dv * dv;
-      f.cost += w * squared;
-      f.descent = f.descent - (w * du) * p.by_X[0] - (w * dv) * p.by_X[1];
-      if (v.stereo) {
-        const decision dr = p.u_right - v.u_right, e = dr - correlation * du;
-        const decision wr = w / (one - correlation * correlation);
-        squared += dr * dr;
-        f.cost += wr * (e * e);
-        f.descent = f.descent - (wr * e) * (p.by_X[2] - correlation * p.by_X[0]);
-      }
-      add_information(f.information, p, v.stereo, v.sigma2, correlation);
-
-      // A feature found s times farther away is found that many octaves finer: distance times scale is its size.
-      const decision distance = norm(X - camera(i).centre), size = distance * scale(i);
-      if (i == first) first_size = size;
-      if (distance > f.farthest) f.farthest = distance;
-      const decision error = squared * w / decision(v.stereo ? o.stereo_chi2 : o.mono_chi2);
-      const decision ratio = (size > first_size ? size / first_size : first_size / size) / tolerance;
-      if (error > f.excess || ratio > f.excess || i == first) {
-        const bool by_scale = ratio > error;
-        f.worst = i;
-        f.excess = by_scale ? ratio : error;
-        f.reason = by_scale
-                       ? creation_outcome::scale
-                       : of_view(i, creation_outcome::reprojection_query, creation_outcome::reprojection_neighbour);
-      }
+    const decision du = p.pixel.x - v.pixel.x, dv = p.pixel.y - v.pixel.y, w = one / v.sigma2;
+    decision squared = du * du + dv * dv;
+    fit.rows[0] = row(w, du, p.by_X[0], w * squared);
+    fit.rows[1] = row(w, dv, p.by_X[1], decision(0));
+    fit.stereo = v.stereo;
+    if (v.stereo) {  // what the error of u says about that of u_right is taken out
+      const decision dr = p.u_right - v.u_right, e = dr - correlation * du;
+      const decision wr = w / (one - correlation * correlation);
+      squared += dr * dr;
+      fit.rows[2] = row(wr, e, p.by_X[2] - correlation * p.by_X[0], wr * (e * e));
     }
-    return f;
+    // A feature found s times farther away is found that many octaves finer: distance times scale is its size.
+    fit.distance = norm(X - camera(i).centre);
+    const decision size = fit.distance * scale(i);
+    fit.error = squared * w / decision(v.stereo ? o.stereo_chi2 : o.mono_chi2);
+    fit.ratio = (size > first_size ? size / first_size : first_size / size) / tolerance;
+  }
+  /// \param e  the error   \param d  its derivative by the point
+  TURBOMAP_HD static detail::row_fit row(const decision& w, const decision& e, const vec3<decision>& d,
+                                         const decision& cost) {
+    detail::row_fit r{};
+    add_outer(r.information, w, d);
+    r.descent = -(w * e) * d;
+    r.cost = cost;
+    return r;
+  }
+  /// Adds what a view says. False: the point is behind it.
+  TURBOMAP_HD bool add(fit& f, const detail::view_fit& of_view_i, int i, bool first) const {
+    if (!of_view_i.seen) {
+      f.worst = i;
+      f.behind = true;
+      f.reason = of_view(i, creation_outcome::behind_query, creation_outcome::behind_neighbour);
+      return false;
+    }
+    for (int k = 0; k < (of_view_i.stereo ? 3 : 2); ++k) {
+      const detail::row_fit& r = of_view_i.rows[k];
+      f.information = f.information + r.information;
+      f.descent = f.descent + r.descent;
+      f.cost += r.cost;
+    }
+    const decision &error = of_view_i.error, &ratio = of_view_i.ratio;
+    if (of_view_i.distance > f.farthest) f.farthest = of_view_i.distance;
+    if (error > f.excess || ratio > f.excess || first) {
+      const bool by_scale = ratio > error;
+      f.worst = i;
+      f.excess = by_scale ? ratio : error;
+      f.reason = by_scale ? creation_outcome::scale
+                          : of_view(i, creation_outcome::reprojection_query, creation_outcome::reprojection_neighbour);
+    }
+    return true;
   }
 };
 
@@ -233,3 +304,7 @@ void launch_create_tracks(const thrust::execution_policy<Derived>& policy,
 }
 
 TURBOMAP_END_NAMESPACE
+
+#if TURBOMAP_HAS_CUDA
+#include "cuda/create_tracks.cuh"
+#endif

@@ -21,11 +21,12 @@ template <class Descriptor, class Camera>
 struct known_landmark {
   const track_creation_view<Descriptor, Camera>& tracks;
 
-  /// \param begin, end  the views of the track
-  TURBOMAP_HD bool operator()(int begin, int end) const {
+  /// \param begin, end     the views of the track
+  /// \param first, stride  begins at every stride-th of them only: several workers share them
+  TURBOMAP_HD bool operator()(int begin, int end, int first, int stride) const {
     const int wanted = tracks.options.known_views;
     if (tracks.map_points == nullptr || wanted <= 0) return false;
-    for (int i = begin; i + wanted <= end; ++i) {
+    for (int i = begin + first; i + wanted <= end; i += stride) {
       asked_in_others ask{*this, i, end, wanted, false};
       visit_beside(i, ask);
       if (ask.found) return true;

@@ -34,6 +34,10 @@ TURBOMAP_HD void add_outer(symmetric3<S>& A, const S& w, const vec3<S>& d) {
   A.zx = A.zx + z * d.x, A.zy = A.zy + z * d.y, A.zz = A.zz + z * d.z;
 }
 template <class S>
+TURBOMAP_HD symmetric3<S> operator+(const symmetric3<S>& A, const symmetric3<S>& B) {
+  return {A.xx + B.xx, A.yx + B.yx, A.yy + B.yy, A.zx + B.zx, A.zy + B.zy, A.zz + B.zz};
+}
+template <class S>
 TURBOMAP_HD void add_to_diagonal(symmetric3<S>& A, const S& a) {
   A.xx = A.xx + a, A.yy = A.yy + a, A.zz = A.zz + a;
 }

@@ -17,4 +17,9 @@ struct search_exhaustive_tuning {
   static constexpr int blocks = 4;  ///< at once per multiprocessor: geometry, which is rare, would take registers of two
 };
 
+/// launch_create_tracks: a warp per track. Tracks are about as many as warps that run at once on a large device.
+struct create_tracks_tuning {
+  static constexpr int warps = 2;
+};
+
 TURBOMAP_END_NAMESPACE
