@@ -51,6 +51,8 @@ TEST_CASE("other descriptors and thresholds") {
   search_options options;
   options.max_distance = 75;
   check_motions<turbomap::binary_descriptor<384>>(pinhole_rig(50), 80, 1000, options);
+  options.max_distance = 31;
+  check_motions<turbomap::binary_descriptor<160>>(pinhole_rig(50), 85, 100, options);
   options.max_distance = 1;
   check_motions<turbomap::real_descriptor<float, 64>>(pinhole_rig(50), 90, 1000, options);
   options = {};
@@ -112,10 +114,13 @@ TEST_CASE("host and device agree to the last bit in any configuration") {
       options.candidate_set = set;
       options.ties = every_tie_rule[seed / 2 % 2];
       options.max_distance = seed % 3 == 0 ? 256 : 50;
-      const auto a = search_under(on.policy(), straight, options);
-      CHECK(same(a, search_under(sequential{}, straight, options)));
-      const auto b = search_under(on.policy(), curved, options);
-      CHECK(same(b, search_under(sequential{}, curved, options)));
+      const auto a = search_under(sequential{}, straight, options);
+      const auto b = search_under(sequential{}, curved, options);
+      for (const bool tensor_cores : {true, false}) {
+        options.tensor_cores = tensor_cores;
+        CHECK(same(a, search_under(on.policy(), straight, options)));
+        CHECK(same(b, search_under(on.policy(), curved, options)));
+      }
       matches += static_cast<long>(a.size() + b.size());
     }
   }

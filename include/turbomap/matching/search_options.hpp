@@ -43,6 +43,9 @@ struct search_options {
   /// The cameras of the query's rig are matched with each other too: the query is one more neighbour, the last. For
   /// join_tracks(), which then has one track of what two cameras of the rig see.
   bool across_rig = false;
+  /// On a device, bits are compared by its tensor cores where it has them (compute capability 8.0 on) and descriptors are whole
+  /// words of 32 bits; else, and where this is false, by counting instructions. The answer is the same.
+  bool tensor_cores = true;
   /// Once it says true, the search ends and has no matches, whatever it says then. Asked once before the search;
   /// after that on the host only, before every 64 query keypoints (ordered) or 256 (exhaustive). Never in a grouped search,
   /// which is short. Must outlive the search.

@@ -9,12 +9,12 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// launch_search_exhaustive: a warp compares 4 query keypoints with all candidates of a neighbour. More would share each
-/// candidate that is read among more comparisons; 4 leave warps enough for a large device (10 neighbours, 1000 keypoints: 2500).
+/// launch_search_exhaustive: a block has 32 query keypoints and one neighbour, so a candidate that is read serves 32 comparisons
+/// (tensor cores) or 4 (a warp's share without them). 10 neighbours, 800 keypoints: 250 blocks, which a large device runs at once.
 struct search_exhaustive_tuning {
-  static constexpr int warps = 4;
-  static constexpr int queries = 4;
-  static constexpr int blocks = 4;  ///< at once per multiprocessor: geometry, which is rare, would take registers of two
+  static constexpr int warps = 8;
+  static constexpr int queries = 4;  ///< per warp
+  static constexpr int blocks = 2;   ///< at once per multiprocessor, as the registers of geometry allow
 };
 
 /// launch_create_tracks: a warp per track. Tracks are about as many as warps that run at once on a large device.
