@@ -15,6 +15,11 @@
 #define TURBOMAP_HD
 #endif
 
+// 1 in every file of a program: what takes time is named for profilers of NVIDIA (named_range.hpp).
+#if !defined(TURBOMAP_WITH_NVTX)
+#define TURBOMAP_WITH_NVTX 0
+#endif
+
 #if !TURBOMAP_HAS_CUDA && !defined(THRUST_DEVICE_SYSTEM)
 #error \
     "turbomap: THRUST_DEVICE_SYSTEM is not defined, and without it Thrust assumes CUDA. Link the CMake target \

@@ -31,6 +31,7 @@
 #include "mapping/stage.hpp"
 #include "mapping/time_budget.hpp"
 #include "mapping/working_map.hpp"
+#include "named_range.hpp"
 #include "plain_vector.hpp"
 #include "store/argument_checks.hpp"
 
@@ -175,6 +176,7 @@ class local_mapper {
   /// An exception ends the iteration between two commits: the map is sound, the stages before are done, nothing is pinned.
   /// \throws std::invalid_argument  the keyframe is not in the map or not inserted: nothing is done
   const mapping_report& process(keyframe current) {
+    const named_range range("keyframe");
     report_ = {};
     stopped_ = has_pose_ = false;
     budget_.start(options_.deadline_ms);
@@ -396,6 +398,7 @@ class local_mapper {
       outcome = stage_outcome::refused;
       return;
     }
+    const named_range range(to_string(s));
     const double begin = budget_.elapsed_ms();
     cut_ = false;
     (this->*run)(current, scope_of(s));
@@ -435,6 +438,7 @@ class local_mapper {
   }
   void update_due(mapping_stage s) {
     if (due_.empty() && moved_.empty() && changed_.empty()) return;
+    const named_range range("appearances");
     const double begin = budget_.elapsed_ms();
     take_reported();
     report_.points_updated += due_.update(scope_of(s), appearance());

@@ -15,6 +15,7 @@
 
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../named_range.hpp"
 #include "../precompiled.hpp"
 #include "cholesky_solver.hpp"
 #include "conjugate_gradients.hpp"
@@ -293,6 +294,7 @@ adjustment_summary adjust(context<Policy>& ctx, basic_bundle_problem<memory_of_t
   using solvers = typename Methods::solvers;
   using precisions = typename Methods::precisions;
   using data = problem_data<memory_of_t<Policy>, Frame, Groups...>;
+  const named_range range("adjust");
   detail::require_options<Methods>(options);
   if constexpr (precisions::has(precision::float64))
     if (options.numbers == precision::float64)

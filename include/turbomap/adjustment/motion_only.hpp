@@ -13,6 +13,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
+#include "../named_range.hpp"
 #include "../span.hpp"
 #include "adjust_pose.hpp"
 #include "adjustment_camera.hpp"
@@ -59,6 +60,7 @@ class motion_only {
     cameras_.host().clear();
     for (int c = 0; c < in.rig.count; ++c)
       cameras_.host().push_back(adjustment_camera<Camera>(in.rig[c], options.stereo_correlation));
+    const named_range range("adjust_poses");
     ctx.synchronize();
     ctx.begin_call();
     const Policy& policy = ctx.policy();

@@ -11,6 +11,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../descriptor/descriptor_concept.hpp"
+#include "../named_range.hpp"
 #include "../precompiled.hpp"
 #include "../span.hpp"
 #include "../store/posed_keyframe.hpp"
@@ -42,6 +43,7 @@ void update_appearance(context<Policy>& ctx, const appearance_view& view,
   static_assert(require_descriptor<Descriptor>());
   static_assert(require_camera<Camera>());
   detail::check_appearance_arguments(view, keyframes, options);
+  const named_range range("update_appearance");
   ctx.begin_call();
   try {
     auto& buffers = result.buffers();

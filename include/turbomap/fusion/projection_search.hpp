@@ -13,6 +13,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../descriptor/descriptor_concept.hpp"
+#include "../named_range.hpp"
 #include "../precompiled.hpp"
 #include "prepare_cameras.hpp"
 #include "projection_setup.hpp"
@@ -51,6 +52,7 @@ void search_by_projection(context<Policy>& ctx, const map_point_view<Descriptor>
                           projections<Descriptor, Camera, Policy>& result) {
   static_assert(require_descriptor<Descriptor>());
   static_assert(require_camera<Camera>());
+  const named_range range("search_by_projection");
   ctx.begin_call();
   const auto search = set_up_projection_search(ctx, points, targets, options, result.buffers());
   if (search.request_count == 0 || points.count == 0) return;

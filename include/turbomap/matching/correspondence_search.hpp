@@ -12,6 +12,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../descriptor/descriptor_concept.hpp"
+#include "../named_range.hpp"
 #include "../precompiled.hpp"
 #include "correspondences.hpp"
 #include "exhaustive_search.hpp"
@@ -42,6 +43,7 @@ void search_correspondences(context<Policy>& ctx, const posed_keyframe<Descripto
                             correspondences<Descriptor, Camera, Policy>& result) {
   static_assert(require_descriptor<Descriptor>());
   static_assert(require_camera<Camera>());
+  const named_range range("search_correspondences");
   ctx.begin_call();
   set_up_search(ctx, query, neighbours, options, result.buffers());
   const auto& search = result.view();

@@ -12,6 +12,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
+#include "../named_range.hpp"
 #include "../precompiled.hpp"
 #include "create_track.hpp"
 #include "creation_check.hpp"
@@ -109,6 +110,7 @@ template <class Descriptor, class Camera, class Policy>
 void create_track_points(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches,
                          const match_tracks<Descriptor, Camera, Policy>& tracks, const creation_options& options,
                          track_creation<Policy>& result, const known_points& known = {}) {
+  const named_range range("create_track_points");
   check_creation_options(options, matches.view().options.scales.scale_factor);
   require(tracks.searched() == matches.size(), "tracks", tracks.searched(),
           "are not of the matches: of another number");

@@ -13,6 +13,7 @@
 #include "../array.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../named_range.hpp"
 #include "../plain_vector.hpp"
 #include "../precompiled.hpp"
 #include "correspondences.hpp"
@@ -103,6 +104,7 @@ class match_tracks {
 template <class Descriptor, class Camera, class Policy>
 void join_tracks(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches,
                  match_tracks<Descriptor, Camera, Policy>& result) {
+  const named_range range("join_tracks");
   result.join(ctx, matches);
 }
 
