@@ -16,6 +16,7 @@
 #include "adjustment/robust.hpp"
 #include "appearance/update_appearance.hpp"
 #include "array.hpp"
+#include "automatic.hpp"
 #include "camera/any_camera.hpp"
 #include "camera/brown_conrady.hpp"
 #include "camera/double_sphere.hpp"

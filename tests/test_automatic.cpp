@@ -1,0 +1,158 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+// The choice between host and device per call, with a clock that the test moves; and the file of crossovers.
+
+#include <turbomap/automatic.hpp>
+
+#include <chrono>
+#include <limits>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "support/files.hpp"
+#include "support/policies.hpp"
+
+namespace {
+
+using turbomap::crossover;
+using turbomap::work_kind;
+using turbomap::work_side;
+using turbomap_test::sequential;
+
+/// Stands still unless the work moves it.
+struct work_clock {
+  using duration = std::chrono::nanoseconds;
+  using rep = duration::rep;
+  using period = duration::period;
+  using time_point = std::chrono::time_point<work_clock>;
+  static constexpr bool is_steady = true;
+  static inline time_point time{};
+  static time_point now() { return time; }
+};
+
+/// Plays the device: a policy of another type than the host's.
+struct far_policy : sequential {};
+using both_sides = turbomap::automatic<sequential, far_policy, work_clock>;
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+/// The host takes 1 us per unit, the device 100 us, whatever the amount. Says where it ran.
+struct modelled_work {
+  double amount;
+  template <class Policy>
+  work_side operator()(turbomap::context<Policy>&) const {
+    const bool far = std::is_same_v<Policy, far_policy>;
+    work_clock::time += std::chrono::nanoseconds(static_cast<long long>(1e3 * (far ? 100 : amount)));
+    return far ? work_side::device : work_side::host;
+  }
+};
+work_side run(both_sides& both, work_kind kind, double amount) { return both.run(kind, amount, modelled_work{amount}); }
+
+TEST_CASE("calls measure where they are faster, and then run there") {
+  both_sides both({}, {});
+  for (const double amount : {1.0, 10.0, 40.0, 300.0, 5000.0})
+    for (int i = 0; i < 20; ++i) run(both, work_kind::adjustment, amount);
+  for (const double amount : {1.0, 10.0, 40.0}) CHECK(run(both, work_kind::adjustment, amount) == work_side::host);
+  for (const double amount : {300.0, 5000.0}) CHECK(run(both, work_kind::adjustment, amount) == work_side::device);
+  const crossover found = both.measured();
+  CHECK(found.least[1] == 256);  // the class of 300
+  CHECK(found.least[0] == infinity);
+  CHECK(found.least[2] == infinity);
+  CHECK(found.side(work_kind::adjustment, 255) == work_side::host);
+  CHECK(found.side(work_kind::adjustment, 256) == work_side::device);
+}
+
+TEST_CASE("a device that wins small and loses large is not used for large ones") {
+  turbomap::crossover_measurement times;
+  for (int i = 0; i < turbomap::crossover_measurement::samples; ++i)
+    for (const double amount : {8.0, 64.0, 512.0}) {
+      times.record(work_kind::search, amount, work_side::host, amount == 64 ? 3 : 1);
+      times.record(work_kind::search, amount, work_side::device, 2);
+    }
+  CHECK(times.result().least[0] == infinity);
+}
+
+TEST_CASE("a size is measured on both sides equally often, and one slow call is forgotten") {
+  turbomap::crossover_measurement times;
+  constexpr int samples = turbomap::crossover_measurement::samples;
+  int host = 0, device = 0;
+  for (int i = 0; i < 2 * samples; ++i) {
+    const work_side side = times.next(work_kind::motion_only, 100);
+    ++(side == work_side::host ? host : device);
+    const bool first = side == work_side::device && device == 1;
+    times.record(work_kind::motion_only, 100, side, side == work_side::host ? 1.0 : first ? 50 : 0.5);
+  }
+  CHECK(host == samples);
+  CHECK(device == samples);
+  CHECK(times.next(work_kind::motion_only, 100) == work_side::device);
+}
+
+TEST_CASE("amounts that are no amounts have a class too") {
+  turbomap::crossover_measurement times;
+  for (const double amount : {0.0, -3.0, 0.5, infinity, std::numeric_limits<double>::quiet_NaN()}) {
+    times.record(work_kind::search, amount, work_side::host, 1);
+    CHECK(times.next(work_kind::search, amount) == work_side::device);
+    times.record(work_kind::search, amount, work_side::device, 2);
+  }
+}
+
+TEST_CASE("given crossovers and pinned sides are kept to, and nothing is measured") {
+  both_sides both({}, {});
+  crossover given;
+  given.least[0] = 0, given.least[1] = 1000;
+  both.use(given);
+  const auto before = work_clock::now();
+  CHECK(run(both, work_kind::search, 0) == work_side::device);
+  CHECK(run(both, work_kind::adjustment, 999) == work_side::host);
+  CHECK(run(both, work_kind::adjustment, 1000) == work_side::device);
+  CHECK(run(both, work_kind::motion_only, 1e12) == work_side::host);
+  both.pin(work_side::host);
+  CHECK(run(both, work_kind::search, 1e9) == work_side::host);
+  both.pin(work_side::device);
+  CHECK(run(both, work_kind::search, 1) == work_side::device);
+  CHECK(work_clock::now() > before);
+  for (const double least : both.measured().least) CHECK(least == infinity);
+  both.measure();
+  CHECK(run(both, work_kind::search, 1) == work_side::host);
+  CHECK(run(both, work_kind::search, 1) == work_side::device);
+}
+
+TEST_CASE("work that throws is not measured, and work may return nothing or what only moves") {
+  both_sides both({}, {});
+  CHECK_THROWS_AS(both.run(work_kind::search, 1, [](auto&) { throw std::runtime_error("no"); }), std::runtime_error);
+  CHECK(both.side(work_kind::search, 1) == work_side::host);  // still the first
+  int calls = 0;
+  both.run(work_kind::search, 1, [&calls](auto&) { ++calls; });
+  CHECK(calls == 1);
+  CHECK(*both.run(work_kind::search, 1, [](auto&) { return std::make_unique<int>(7); }) == 7);
+}
+
+TEST_CASE("the file of crossovers") {
+  const turbomap_test::temporary_directory folder;
+  const std::string file = (folder.path() / "crossover.txt").string();
+  crossover c;
+  c.least[0] = 0, c.least[1] = 4096.5;
+  turbomap::write_crossover(file, c);
+  const crossover read = turbomap::read_crossover(file);
+  for (std::size_t k = 0; k < turbomap::work_kinds; ++k) CHECK(read.least[k] == c.least[k]);
+
+  CHECK_THROWS_AS(turbomap::read_crossover(file + ".not_there"), turbomap::bad_file);
+  CHECK_THROWS_AS(turbomap::write_crossover((folder.path() / "no" / "folder").string(), c), std::runtime_error);
+  const std::string title = "turbomap crossover 1\n", rest = "adjustment 2\nmotion_only 3\n";
+  for (const std::string& text :
+       {std::string(), title, "turbomap crossover 2\nsearch 1\n" + rest, title + "search -1\n" + rest,
+        title + "search nan\n" + rest, title + "search\n" + rest, title + "search 1 1\n" + rest, title + rest,
+        title + "search 1\n" + rest + "more 1\n", std::string(1000, 'x')}) {
+    CAPTURE(text);
+    turbomap_test::write_bytes(file, text);
+    CHECK_THROWS_AS(turbomap::read_crossover(file), turbomap::bad_file);
+  }
+}
+
+}  // namespace
