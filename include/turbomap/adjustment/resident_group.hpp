@@ -70,6 +70,9 @@ class resident_entries {
 namespace detail {
 
 inline void require_indices(span<const std::int32_t> index, int end, const char* name) {
+  bool outside = false;  // no branch in the loop: they are rarely wrong
+  for (const auto i : index) outside |= static_cast<std::uint32_t>(i) >= static_cast<std::uint32_t>(end);
+  if (!outside) return;
   for (const auto i : index) require(i >= 0 && i < end, name, i, "is no such frame or landmark");
 }
 

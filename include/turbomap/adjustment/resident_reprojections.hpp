@@ -49,26 +49,37 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
     require(g.nearest >= 0 && g.nearest < 1, "nearest", g.nearest, "must be in [0, 1)");
     require(g.rig.count <= 127, "rig.count", g.rig.count, "must be below 128");
     for (const auto c : g.camera) require(c < g.rig.count, "camera", static_cast<int>(c), "is not in the rig");
-    for (std::size_t i = 0; i < g.stereo.size(); ++i)
+    bool all_have_right = true;
+    for (int c = 0; c < g.rig.count; ++c) all_have_right = all_have_right && g.rig[c].bf > 0;
+    for (std::size_t i = 0; !all_have_right && i < g.stereo.size(); ++i)
       require(g.stereo[i] == 0 || g.rig[g.camera.empty() ? 0 : g.camera[i]].bf > 0, "stereo", i,
               "is a row whose camera has no right image (bf = 0)");
-    bool finite = true;
+    bool finite = true, negative = false;  // no branches in the loop
+    const std::uint8_t* const stereo = g.stereo.empty() ? nullptr : g.stereo.data();
     for (std::size_t i = 0; i < n; ++i) {
-      require(!(g.information[i] < 0), "information", g.information[i], "must not be negative");
-      finite = finite && detail::is_finite(g.pixel[i].x) && detail::is_finite(g.pixel[i].y) &&
-               detail::is_finite(g.information[i]) &&
-               (g.stereo.empty() || g.stereo[i] == 0 || detail::is_finite(g.pixel[i].z));
+      const vec3<double>& z = g.pixel[i];
+      negative |= g.information[i] < 0;
+      finite &= detail::is_finite(z.x) & detail::is_finite(z.y) & detail::is_finite(g.information[i]);
+      if (stereo != nullptr) finite &= (stereo[i] == 0) | detail::is_finite(z.z);
     }
+    for (std::size_t i = 0; negative && i < n; ++i)
+      require(!(g.information[i] < 0), "information", g.information[i], "must not be negative");
     return finite;
   }
 
   void describe(const group_type& g, structure_inputs& to) {
     kind_.resize(g.frame.size());
+    const std::uint8_t* const camera = g.camera.empty() ? nullptr : g.camera.data();
+    const std::uint8_t* const stereo = g.stereo.empty() ? nullptr : g.stereo.data();
+    std::uint8_t* const kind = kind_.data();
     for (std::size_t i = 0; i < kind_.size(); ++i) {
-      const int c = g.camera.empty() ? 0 : g.camera[i];
-      const bool seen_right = g.pixel[i].z >= 0 && detail::is_finite(g.pixel[i].z) && g.rig[c].bf > 0;
-      const bool stereo = g.stereo.empty() ? seen_right : g.stereo[i] != 0;
-      kind_[i] = static_cast<std::uint8_t>(2 * c + (stereo ? 1 : 0));
+      const int c = camera == nullptr ? 0 : camera[i];
+      bool right = false;
+      if (stereo != nullptr)
+        right = stereo[i] != 0;
+      else
+        right = (g.pixel[i].z >= 0) & detail::is_finite(g.pixel[i].z) & (g.rig[c].bf > 0);
+      kind[i] = static_cast<std::uint8_t>(2 * c + (right ? 1 : 0));
     }
     to.landmark_groups.push_back({g.frame, g.landmark, kind_.data(), 2 * g.rig.count});
   }
@@ -87,14 +98,19 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
     }
     stride_ = s.source.size();
     rows_.resize_discard(row_size * stride_);
-    for (const auto& c : s.chunks)
-      for (int i = c.begin;
-           i < c.begin + (c.count + observation_padding - 1) / observation_padding * observation_padding; ++i) {
-        const auto e = static_cast<std::size_t>(i), o = static_cast<std::size_t>(s.source[e]);
-        rows_.data()[e] = g.pixel[o].x, rows_.data()[stride_ + e] = g.pixel[o].y;
-        rows_.data()[2 * stride_ + e] = c.kind % 2 == 1 ? g.pixel[o].z : 0;
-        rows_.data()[3 * stride_ + e] = i < c.begin + c.count ? g.information[o] : 0;
-      }
+    double* const row = rows_.data();
+    for (const auto& c : s.chunks) {
+      const auto begin = static_cast<std::size_t>(c.begin), end = begin + static_cast<std::size_t>(c.count);
+      const bool right = c.kind % 2 == 1;
+      const auto copy = [&](std::size_t e, bool real) {
+        const auto o = static_cast<std::size_t>(s.source[e]);
+        const vec3<double>& z = g.pixel[o];
+        row[e] = z.x, row[stride_ + e] = z.y, row[2 * stride_ + e] = right ? z.z : 0;
+        row[3 * stride_ + e] = real ? g.information[o] : 0;
+      };
+      for (std::size_t e = begin; e < end; ++e) copy(e, true);
+      for (std::size_t e = end; e % observation_padding != 0; ++e) copy(e, false);
+    }
     cameras_.send(policy), resident_rows_.send(policy, rows_.data(), rows_.size());
     entries_.send(policy, s);
   }

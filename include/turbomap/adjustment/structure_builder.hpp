@@ -48,6 +48,7 @@ class structure_builder {
     s.frames = in.frames, s.landmarks = in.landmarks;
     order_frames(in.fixed_frames, s);
     order_rows(in.landmark_groups, s);
+    list_slots(s);
     order_entries(in.landmark_groups, in.chunk, s);
     list_frame_factors(in.frame_groups, s);
     block_finder::clear(s);
@@ -71,64 +72,111 @@ class structure_builder {
       key_[at(f)] = s.free_of_frame[at(f)] < 0 ? next++ : s.free_of_frame[at(f)];
   }
 
-  /// Sorts all observations by (landmark, frame), free frames first: two stable counting sorts.
+  /// An observation in the order (landmark, frame).
+  struct ordered_row {
+    std::int32_t key, source;  ///< of its frame; number among those of all groups
+  };
+
+  /// Sorts all observations by (landmark, frame), free frames first.
   void order_rows(span<const landmark_group_input> groups, adjustment_structure& s) {
     std::size_t n = 0;
-    for (const auto& g : groups) n += g.frame.size();
-    all_frame_.resize(n), all_landmark_.resize(n), order_.resize(n), other_.resize(n);
     first_of_group_.clear();
-    std::size_t o = 0;
+    s.landmark_row.assign(at(s.landmarks) + 1, 0);
+    std::int32_t last = 0;
+    bool by_landmark = true;
     for (const auto& g : groups) {
-      first_of_group_.push_back(static_cast<std::int32_t>(o));
-      for (std::size_t i = 0; i < g.frame.size(); ++i, ++o)
-        all_frame_[o] = key_[at(g.frame[i])], all_landmark_[o] = g.landmark[i];
+      first_of_group_.push_back(static_cast<std::int32_t>(n));
+      n += g.frame.size();
+      for (const auto l : g.landmark) ++s.landmark_row[at(l) + 1], by_landmark = by_landmark && l >= last, last = l;
     }
     first_of_group_.push_back(static_cast<std::int32_t>(n));
-    counts_.assign(at(s.frames) + 1, 0);
-    for (const auto f : all_frame_) ++counts_[at(f) + 1];
-    for (std::size_t i = 1; i < counts_.size(); ++i) counts_[i] += counts_[i - 1];
-    for (std::size_t i = 0; i < n; ++i) other_[at(counts_[at(all_frame_[i])]++)] = static_cast<std::int32_t>(i);
-    s.landmark_row.assign(at(s.landmarks) + 1, 0);
-    for (const auto l : all_landmark_) ++s.landmark_row[at(l) + 1];
-    for (std::size_t i = 1; i < s.landmark_row.size(); ++i) s.landmark_row[i] += s.landmark_row[i - 1];
-    counts_.assign(s.landmark_row.begin(), s.landmark_row.end());
-    for (std::size_t i = 0; i < n; ++i) order_[at(counts_[at(all_landmark_[at(other_[i])])]++)] = other_[i];
+    std::int32_t longest = 0;
+    for (std::size_t i = 1; i < s.landmark_row.size(); ++i) {
+      longest = std::max(longest, s.landmark_row[i]);
+      s.landmark_row[i] += s.landmark_row[i - 1];
+    }
+    rows_.resize(n);
+    if (by_landmark && longest <= most_in_place)
+      order_in_place(groups, s);
+    else
+      order_by_counting(groups, s);
+  }
 
-    s.landmark_slot.assign(1, 0);
-    s.slot_coupling.clear(), s.slot_frame.clear(), s.slot_landmark.clear();
-    std::int32_t couplings = 0;
+  /// Where they come landmark by landmark, as they mostly do: only the few of each landmark are out of order.
+  void order_in_place(span<const landmark_group_input> groups, const adjustment_structure& s) {
+    ordered_row* const rows = rows_.data();
+    std::int32_t o = 0;
+    for (const auto& g : groups)
+      for (const auto f : g.frame) rows[o] = {key_[at(f)], o}, ++o;
+    for (std::size_t l = 0; l + 1 < s.landmark_row.size(); ++l)
+      for (std::int32_t i = s.landmark_row[l] + 1; i < s.landmark_row[l + 1]; ++i) {
+        const ordered_row moved = rows[i];
+        std::int32_t to = i;
+        for (; to > s.landmark_row[l] && rows[to - 1].key > moved.key; --to) rows[to] = rows[to - 1];
+        rows[to] = moved;
+      }
+  }
+  /// Two stable counting sorts.
+  void order_by_counting(span<const landmark_group_input> groups, const adjustment_structure& s) {
+    counts_.assign(at(s.frames) + 1, 0);
+    for (const auto& g : groups)
+      for (const auto f : g.frame) ++counts_[at(key_[at(f)]) + 1];
+    for (std::size_t i = 1; i < counts_.size(); ++i) counts_[i] += counts_[i - 1];
+    by_frame_.resize(rows_.size());
+    std::int32_t o = 0;
+    for (const auto& g : groups)
+      for (std::size_t i = 0; i < g.frame.size(); ++i) {
+        const std::int32_t key = key_[at(g.frame[i])];
+        by_frame_[at(counts_[at(key)]++)] = {{key, o++}, g.landmark[i]};
+      }
+    counts_.assign(s.landmark_row.begin(), s.landmark_row.end());
+    for (const auto& r : by_frame_) rows_[at(counts_[at(r.landmark)]++)] = r.row;
+  }
+
+  /// What each free frame has with each landmark.
+  void list_slots(adjustment_structure& s) {
+    const std::size_t n = rows_.size();
+    s.landmark_slot.resize(at(s.landmarks) + 1);
+    s.slot_coupling.resize(n + 1), s.slot_frame.resize(n), s.slot_landmark.resize(n);
+    s.frame_slot.assign(at(s.free_frames) + 1, 0);
+    std::int32_t couplings = 0, slots = 0;
     for (std::int32_t l = 0; l < s.landmarks; ++l) {
+      s.landmark_slot[at(l)] = slots;
       std::int32_t last = -1;
       for (std::int32_t r = s.landmark_row[at(l)]; r < s.landmark_row[at(l) + 1]; ++r) {
-        const std::int32_t f = all_frame_[at(order_[at(r)])];
+        const std::int32_t f = rows_[at(r)].key;
         if (f >= s.free_frames) break;
-        if (f != last) s.slot_coupling.push_back(couplings), s.slot_frame.push_back(f), s.slot_landmark.push_back(l);
+        if (f != last) {
+          const std::size_t slot = at(slots++);
+          s.slot_coupling[slot] = couplings, s.slot_frame[slot] = f, s.slot_landmark[slot] = l;
+          ++s.frame_slot[at(f) + 1];
+        }
         last = f, ++couplings;
       }
-      s.landmark_slot.push_back(static_cast<std::int32_t>(s.slot_frame.size()));
     }
-    s.slot_coupling.push_back(couplings);
+    s.landmark_slot[at(s.landmarks)] = slots;
+    s.slot_coupling[at(slots)] = couplings;
+    s.slot_coupling.resize(at(slots) + 1), s.slot_frame.resize(at(slots)), s.slot_landmark.resize(at(slots));
+    for (std::size_t i = 1; i < s.frame_slot.size(); ++i) s.frame_slot[i] += s.frame_slot[i - 1];
+    counts_.assign(s.frame_slot.begin(), s.frame_slot.end());
+    s.slot_list.resize(at(slots));
+    for (std::int32_t i = 0; i < slots; ++i) s.slot_list[at(counts_[at(s.slot_frame[at(i)])]++)] = i;
   }
 
   /// Sorts the observations of each group by (frame, kind), which leaves them in the order of their landmarks, and cuts
   /// them into chunks.
   void order_entries(span<const landmark_group_input> groups, int chunk, adjustment_structure& s) {
-    const std::size_t n = order_.size();
-    coupling_of_row_.assign(n, -1);
-    std::int32_t couplings = 0;
-    for (std::size_t r = 0; r < n; ++r)
-      if (all_frame_[at(order_[r])] < s.free_frames) coupling_of_row_[r] = couplings++;
     s.groups.resize(groups.size());
     frame_of_partial_.clear();
     for (std::size_t g = 0; g < groups.size(); ++g) {
       const std::int32_t begin = first_of_group_[g], end = first_of_group_[g + 1];
+      const std::uint8_t* const kind_of = groups[g].kind;
       const auto kinds = static_cast<std::size_t>(groups[g].kinds);
-      const auto bucket = [&](std::int32_t o) {
-        const std::size_t kind = groups[g].kind == nullptr ? 0 : groups[g].kind[o - begin];
-        return at(all_frame_[at(o)]) * kinds + kind;
+      const auto bucket = [&](std::int32_t key, std::int32_t row) {
+        return at(key) * kinds + (kind_of == nullptr ? 0 : kind_of[row]);
       };
       counts_.assign(at(s.frames) * kinds + 1, 0);
-      for (std::int32_t o = begin; o < end; ++o) ++counts_[bucket(o) + 1];
+      for (std::int32_t i = 0; i < end - begin; ++i) ++counts_[bucket(key_[at(groups[g].frame[at(i)])], i) + 1];
       auto& e = s.groups[g];
       e.chunks.clear();
       std::int32_t entry = 0;
@@ -141,18 +189,19 @@ class structure_builder {
         entry += (count + observation_padding - 1) / observation_padding * observation_padding;
       }
       e.source.resize(at(entry)), e.landmark.resize(at(entry)), e.row.resize(at(entry)), e.coupling.resize(at(entry));
-      for (std::size_t r = 0; r < n; ++r) {
-        const std::int32_t o = order_[r];
-        if (o < begin || o >= end) continue;
-        const std::size_t i = at(counts_[bucket(o)]++);
-        e.source[i] = o - begin, e.landmark[i] = all_landmark_[at(o)];
-        e.row[i] = static_cast<std::int32_t>(r), e.coupling[i] = coupling_of_row_[r];
-      }
+      std::int32_t couplings = 0;
+      for (std::int32_t l = 0; l < s.landmarks; ++l)
+        for (std::int32_t r = s.landmark_row[at(l)]; r < s.landmark_row[at(l) + 1]; ++r) {
+          const ordered_row row = rows_[at(r)];
+          const std::int32_t coupling = row.key < s.free_frames ? couplings++ : -1, o = row.source - begin;
+          if (row.source < begin || row.source >= end) continue;
+          const std::size_t i = at(counts_[bucket(row.key, o)]++);
+          e.source[i] = o, e.landmark[i] = l, e.row[i] = r, e.coupling[i] = coupling;
+        }
       finish_chunks(e, s);
     }
     s.partials = static_cast<int>(frame_of_partial_.size());
     list_by_bin_(frame_of_partial_, s.free_frames, s.frame_partial, s.partial_list);
-    list_by_bin_(s.slot_frame, s.free_frames, s.frame_slot, s.slot_list);
   }
 
   /// Numbers of frames instead of their keys, and padding.
@@ -202,7 +251,16 @@ class structure_builder {
 
   using indices = plain_vector<std::int32_t>;
 
-  indices key_, all_frame_, all_landmark_, order_, other_, counts_, first_of_group_, coupling_of_row_;
+  struct row_by_frame {
+    ordered_row row;
+    std::int32_t landmark;
+  };
+  /// Observations of a landmark that are sorted where they are: beyond it, counting is faster.
+  static constexpr std::int32_t most_in_place = 64;
+
+  plain_vector<ordered_row> rows_;
+  plain_vector<row_by_frame> by_frame_;
+  indices key_, counts_, first_of_group_;
   indices frame_of_key_, frame_of_partial_, frame_of_factor_, frame_of_neighbour_, neighbour_order_;
   plain_vector<frame_neighbour> neighbour_;
   bin_lister list_by_bin_;

@@ -66,8 +66,8 @@ struct sum_step_tuning {
 };
 
 /// launch_solve_dense: a block of 16 warps, a warp per tile. Systems of up to `unknowns` (25 frames of 15, 64 of 6); larger ones
-/// the host solves. The tiles fit the shared memory of a block for up to 224 unknowns on sm_90, 192 on sm_80, 144 on sm_86 and
-/// sm_89, 112 on sm_75; those of larger systems stay where they are.
+/// the host solves. The tiles fit the shared memory of a block for up to 224 unknowns where it has 227 KiB, 192 where it has 163,
+/// 144 where it has 99, 112 where it has 64; those of larger systems stay where they are.
 struct solve_dense_tuning {
   static constexpr int threads = 512;
   static constexpr int unknowns = 384;
