@@ -6,7 +6,6 @@
 #   test_NAME.cu    the test test_NAME_device: the same under nvcc, on a CUDA device; only in a build with CUDA
 # A program that cannot run here (no data, no device) ends with 77, which ctest reports as skipped.
 
-option(TURBOMAP_HOST_TESTS "Build the tests of host policies; a second build for CUDA does not need them again" ON)
 option(TURBOMAP_SOURCE_TESTS "Tests that look at the source alone; a second build does not need them again" ON)
 option(TURBOMAP_RECORDED_TESTS "Build the tests on recorded data" ON)
 option(TURBOMAP_PRECOMPILED_TESTS "Parse the headers that all tests include once" OFF)
@@ -61,9 +60,12 @@ endif()
 # half to two thirds of the time when they are optimised little.
 set(turbomap_optimised_tests "same_bits|same_map|strict|atomic|threads")
 
-# Without optimisation (the build of clang++ in .ci/run) each of these runs for up to two minutes, and compiles little faster.
+# Without optimisation (the build of clang++ in .ci/run) each of these runs for up to two minutes: longer than its compilation
+# with optimisation takes more.
 set(turbomap_busy_tests "correspondence_search|epipolar_order|track_creation|filters|triangulation|covariance")
-string(APPEND turbomap_busy_tests "|local_map_search|simulation|batch_bound|schur_system")
+string(APPEND turbomap_busy_tests "|local_map_search|simulation|batch_bound|schur_system|interleavings|test_preintegration")
+string(APPEND turbomap_busy_tests "|initialise|point_uncertainty|global_adjustment|projection_search|byte_budget|map_mirror")
+string(APPEND turbomap_busy_tests "|adjustment_memory|duplicate_fusion|same_bits")
 
 # turbomap_add_test(SOURCE LABEL LIBRARY...): the test that is named after SOURCE. Labelled 'host' or 'recorded'; 'device'
 # where SOURCE is a .cu file.
