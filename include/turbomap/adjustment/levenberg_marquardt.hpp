@@ -216,7 +216,6 @@ class levenberg_marquardt {
     const int frames = data_.structure.frames;
     launch_substitute_landmarks<V, D>(policy, s, step.step, damping, from.landmarks, to.landmarks, gains_);
     launch_retract_frames(policy, frames, s.free_of_frame, step.step, from, to);
-    launch_prepare_poses(policy, frames, to);
     const std::size_t n = static_cast<std::size_t>(s.free_frames) * D, triangles = n / D * frame_block<D>::triangle;
     const step_parts parts{nullptr, 0, gains_, gain_count(), step.step, s.b, s.H, n, step.solved_resident, damping};
     if (const step_report* report = evaluate_step(to, parts, ahead)) {

@@ -25,17 +25,19 @@ struct prepare_poses {
   }
 };
 
-/// Index = frame: moves a free one by its step, copies a fixed one.
+/// Index = frame: moves a free one by its step, copies a fixed one, and makes its pose a matrix.
 template <class Frame>
 struct retract_frames {
   const std::int32_t* free_of_frame;
   const double* step;
   const typename Frame::template state<double>* from;
+  prepare_poses<Frame> prepare;
   typename Frame::template state<double>* to;
   TURBOMAP_HD void operator()(int f) const {
     const int free = free_of_frame[f];
     to[f] = free < 0 ? from[f]
                      : Frame::template retract<double>(from[f], step + static_cast<std::ptrdiff_t>(free) * Frame::dof);
+    prepare(f);
   }
 };
 
@@ -44,12 +46,13 @@ void launch_prepare_poses(const thrust::execution_policy<Derived>& policy, int f
   for_each_index(derived(policy), frames, prepare_poses<Frame>{x.states, x.poses});
 }
 
-/// \param step  of the free frames
+/// States and poses after a step. \param step  of the free frames
 template <class Frame, class Derived>
 void launch_retract_frames(const thrust::execution_policy<Derived>& policy, int frames,
                            const std::int32_t* free_of_frame, const double* step, const estimate_view<Frame>& from,
                            const estimate_view<Frame>& to) {
-  for_each_index(derived(policy), frames, retract_frames<Frame>{free_of_frame, step, from.states, to.states});
+  for_each_index(derived(policy), frames,
+                 retract_frames<Frame>{free_of_frame, step, from.states, {to.states, to.poses}, to.states});
 }
 
 TURBOMAP_END_NAMESPACE
