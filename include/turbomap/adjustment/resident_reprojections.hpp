@@ -59,7 +59,9 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
     for (std::size_t i = 0; i < n; ++i) {
       const vec3<double>& z = g.pixel[i];
       negative |= g.information[i] < 0;
-      finite &= detail::is_finite(z.x) & detail::is_finite(z.y) & detail::is_finite(g.information[i]);
+      finite &= detail::is_finite(z.x);
+      finite &= detail::is_finite(z.y);
+      finite &= detail::is_finite(g.information[i]);
       if (stereo != nullptr) finite &= (stereo[i] == 0) | detail::is_finite(z.z);
     }
     for (std::size_t i = 0; negative && i < n; ++i)
@@ -75,10 +77,13 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
     for (std::size_t i = 0; i < kind_.size(); ++i) {
       const int c = camera == nullptr ? 0 : camera[i];
       bool right = false;
-      if (stereo != nullptr)
+      if (stereo != nullptr) {
         right = stereo[i] != 0;
-      else
-        right = (g.pixel[i].z >= 0) & detail::is_finite(g.pixel[i].z) & (g.rig[c].bf > 0);
+      } else {
+        right = g.pixel[i].z >= 0;
+        right &= detail::is_finite(g.pixel[i].z);
+        right &= g.rig[c].bf > 0;
+      }
       kind[i] = static_cast<std::uint8_t>(2 * c + (right ? 1 : 0));
     }
     to.landmark_groups.push_back({g.frame, g.landmark, kind_.data(), 2 * g.rig.count});
