@@ -7,9 +7,9 @@
 #include <turbomap/io/recording_writer.hpp>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstring>
+#include <ctime>
 #include <functional>
 #include <limits>
 #include <string>
@@ -390,9 +390,9 @@ TEST_CASE("a table of times is read in linear time") {
     turbomap_test::write_bytes(folder / "one.csv", text);
     double best = 1e9;
     for (int repeat = 0; repeat < 3; ++repeat) {
-      const auto begin = std::chrono::steady_clock::now();
+      const std::clock_t begin = std::clock();  // of this process: the machine has other things to do
       CHECK(turbomap::read_timing_table(folder / "one.csv").row_count() == static_cast<std::size_t>(lines));
-      best = std::min(best, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+      best = std::min(best, double(std::clock() - begin) / CLOCKS_PER_SEC);
     }
     return best;
   };
