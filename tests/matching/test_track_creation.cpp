@@ -62,9 +62,25 @@ TEST_CASE("other options, rigs of mixed models") {
   o.stereo_correlation = 31.0 / 32, o.refinement_steps = 1, o.refinement_tolerance = 0;
   const auto stereo = check_rig<sequential>(pinhole_rig(50), 41, o, 20);
   CHECK(stereo.outcomes[static_cast<std::size_t>(creation_outcome::too_far)] > 0);
+  o.fewest_keyframes = 2;
   check_rig<sequential>(mixed_rig(), 51, o, 10);
   o.refinement_steps = 0;
   check_rig<sequential>(pinhole_rig(), 61, o, 10);
+}
+
+TEST_CASE_TEMPLATE("a point is seen by so many keyframes as were asked for", Policy, TURBOMAP_TEST_POLICIES) {
+  long accepted[4] = {}, refused[4] = {};
+  for (const int fewest : {1, 2, 3}) {
+    creation_options o;
+    o.fewest_keyframes = fewest;
+    const auto t = check_rig<Policy>(fisheye_rig(), 71, o, 30);  // against the oracle
+    accepted[fewest] = t.accepted;
+    refused[fewest] = t.outcomes[static_cast<std::size_t>(creation_outcome::too_few_keyframes)];
+  }
+  CHECK(refused[1] == 0);
+  CHECK(refused[2] > 5);
+  CHECK(refused[3] > refused[2]);
+  CHECK((accepted[1] > accepted[2] && accepted[2] > accepted[3]));
 }
 
 TEST_CASE("a track of two views is decided as a pair") {
@@ -198,6 +214,7 @@ TEST_CASE("bad options and tracks of another search are refused, and the last po
   refused("refinement_tolerance", [](creation_options& o, double v) { o.refinement_tolerance = v; });
   refused("known_chi2", [](creation_options& o, double v) { o.known_chi2 = v; });
   refused("known_views", [](creation_options& o, double) { o.known_views = -1; });
+  refused("fewest_keyframes", [](creation_options& o, double) { o.fewest_keyframes = 0; });
   refused("refinement_steps", [](creation_options& o, double) { o.refinement_steps = -1; });
   refused("stereo_correlation", [](creation_options& o, double v) { o.stereo_correlation = v; });
   const std::vector<std::int32_t> offsets(2);

@@ -23,6 +23,9 @@ void check_rig(const test_rig<Camera>& rig, unsigned seed, long least) {
     recipe.prototypes = 60, recipe.landmarks = 0.9;
     scene<orb, Camera> s(rig, recipe);
     check_track_creation(on.policy(), s, {}, {}, t);
+    turbomap::creation_options two;
+    two.fewest_keyframes = 2;
+    check_track_creation(on.policy(), s, {}, two, t);
   }
   check_track_points(t, least);
 }

@@ -40,7 +40,7 @@ points_of_tracks create_tracks_under(const Policy& policy, const scene<orb, Came
 struct track_point_tally {
   long tracks = 0, doubtful = 0, differences = 0, accepted = 0, of_many = 0, lost_views = 0;
   double worst_position = 0, worst_covariance = 0;  ///< relative
-  std::vector<long> outcomes = std::vector<long>(12), methods = std::vector<long>(4);
+  std::vector<long> outcomes = std::vector<long>(13), methods = std::vector<long>(4);
 };
 inline void check_track_points(const track_point_tally& t, long least) {
   CAPTURE(t.tracks);

@@ -34,13 +34,14 @@ class track_oracle {
   using outcome = turbomap::creation_outcome;
   using sight = oracle_sight<Camera>;
 
-  /// \param of_query  whether a view is of the query
-  track_oracle(std::vector<sight> views, std::vector<char> of_query, const turbomap::creation_options& options)
-      : views_(std::move(views)), of_query_(std::move(of_query)), options_(options) {}
+  /// \param keyframes  of each view; 0: the query
+  track_oracle(std::vector<sight> views, std::vector<int> keyframes, const turbomap::creation_options& options)
+      : views_(std::move(views)), keyframes_(std::move(keyframes)), options_(options) {}
 
   oracle_track_point operator()() {
     result_.kept.assign(views_.size(), 1);
-    result_.outcome = decide();
+    result_.outcome = of_enough_keyframes() ? decide() : outcome::too_few_keyframes;
+    if (result_.outcome == outcome::accepted && !of_enough_keyframes()) result_.outcome = outcome::too_few_keyframes;
     result_.doubtful = calls_.any;
     return result_;
   }
@@ -59,6 +60,11 @@ class track_oracle {
     for (std::size_t i = 0; i < views_.size(); ++i)
       if (result_.kept[i] != 0) all.push_back(i);
     return all;
+  }
+  bool of_enough_keyframes() const {
+    std::set<int> keyframes;
+    for (const std::size_t i : left()) keyframes.insert(keyframes_[i]);
+    return static_cast<int>(keyframes.size()) >= options_.fewest_keyframes;
   }
   Eigen::Vector3d centre(std::size_t i) const { return views_[i].T_cw.inverse().t; }
   Eigen::Vector3d direction(std::size_t i) const { return (views_[i].T_cw.R.transpose() * views_[i].ray).normalized(); }
@@ -119,7 +125,7 @@ class track_oracle {
       return true;
     }
     if (stereo == none) return false;
-    result_.method = of_query_[stereo] != 0 ? method::stereo_query : method::stereo_neighbour;
+    result_.method = keyframes_[stereo] == 0 ? method::stereo_query : method::stereo_neighbour;
     x = views_[stereo].stereo_point();
     return true;
   }
@@ -188,7 +194,7 @@ class track_oracle {
   }
 
   std::vector<sight> views_;
-  std::vector<char> of_query_;
+  std::vector<int> keyframes_;
   turbomap::creation_options options_;
   close_calls calls_;
   oracle_track_point result_;
@@ -227,15 +233,15 @@ std::vector<oracle_track_point> track_creation_oracle(
   std::vector<oracle_track_point> points;
   for (std::size_t t = 0; t < tracks.size(); ++t) {
     std::vector<oracle_sight<Camera>> views;
-    std::vector<char> of_query;
+    std::vector<int> in;
     for (auto i = static_cast<std::size_t>(tracks.offsets[t]); i < static_cast<std::size_t>(tracks.offsets[t + 1]);
          ++i) {
       const auto& v = tracks.views[i];
       const auto& keyframe = v.keyframe == 0 ? query : neighbours[static_cast<std::size_t>(v.keyframe) - 1];
       views.push_back(oracle_look(keyframe, v.keypoint, options.scales));
-      of_query.push_back(v.keyframe == 0 ? 1 : 0);
+      in.push_back(v.keyframe);
     }
-    points.push_back(track_oracle<Camera>(std::move(views), std::move(of_query), options)());
+    points.push_back(track_oracle<Camera>(std::move(views), std::move(in), options)());
   }
   return points;
 }

@@ -63,9 +63,15 @@ struct create_track {
     p.method = creation_method::none;
     const range views{tracks.offsets[t], tracks.offsets[t + 1]};
     p.views = views.end - views.begin;
-    const bool known =
-        known_landmark<Descriptor, Camera>{tracks}(views.begin, views.end, workers.number(), Workers::count);
-    p.outcome = workers.any(known) ? creation_outcome::known : create(views, workers, p);
+    if (!enough_keyframes(views)) {  // all workers say the same
+      p.outcome = creation_outcome::too_few_keyframes;
+    } else {
+      const bool known =
+          known_landmark<Descriptor, Camera>{tracks}(views.begin, views.end, workers.number(), Workers::count);
+      p.outcome = workers.any(known) ? creation_outcome::known : create(views, workers, p);
+      if (p.outcome == creation_outcome::accepted && !enough_keyframes(views))
+        p.outcome = creation_outcome::too_few_keyframes;
+    }
     if (workers.number() == 0) tracks.points[t] = p;
   }
 
@@ -100,6 +106,15 @@ struct create_track {
   TURBOMAP_HD int next(const range& views, int i) const {
     while (i < views.end && tracks.kept[i] == 0) ++i;
     return i;
+  }
+  /// Whether the views that are left are of as many keyframes as the options ask for. Views are in the order of keyframes.
+  TURBOMAP_HD bool enough_keyframes(const range& views) const {
+    int count = 0, last = -1;
+    for (int i = next(views, views.begin); i < views.end; i = next(views, i + 1)) {
+      count += tracks.views[i].keyframe != last ? 1 : 0;
+      last = tracks.views[i].keyframe;
+    }
+    return count >= tracks.options.fewest_keyframes;
   }
   TURBOMAP_HD creation_outcome of_view(int i, creation_outcome query, creation_outcome neighbour) const {
     return tracks.views[i].keyframe == 0 ? query : neighbour;

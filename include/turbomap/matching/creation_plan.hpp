@@ -27,7 +27,8 @@ enum class creation_outcome : std::uint8_t {
   zero_distance = 8,           ///< the point coincides with a camera centre
   too_far = 9,                 ///< farther than options.max_distance
   scale = 10,                  ///< the ratio of distances contradicts the ratio of octaves
-  known = 11                   ///< tracks: the map has a point of this landmark already
+  known = 11,                  ///< tracks: the map has a point of this landmark already
+  too_few_keyframes = 12       ///< tracks: options.fewest_keyframes
 };
 
 /// Where the position of a point came from.
@@ -58,6 +59,10 @@ struct creation_options {
   int known_views = 2;
   /// Beside: squared distance <= this (sigma2 of one + sigma2 of the other): 95 %, 2 dof, as merge_tolerance.
   double known_chi2 = 5.991;
+  /// Tracks: a point is seen by so many keyframes at least. 1: the cameras of one rig suffice, which gives the most exact
+  /// trajectories. 2 where things look alike side by side: half of what only one rig matches is wrong there. Measured:
+  /// docs/matching.md.
+  int fewest_keyframes = 1;
   double stereo_correlation = 0;  ///< tracks: of the errors of u and u_right, in [0, 1); weighs rows of u_right
 };
 
