@@ -18,8 +18,8 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// A landmark after elimination: damped H = L L^T.
 struct eliminated_landmark {
+  double c[3];        ///< L^-1 b; first, so that no two lines of a cache hold it: blocks of S read it out of order
   double inverse[6];  ///< of L, lower triangle; 0: it does not move (along this direction)
-  double c[3];        ///< L^-1 b
   double b[3];
 };
 
