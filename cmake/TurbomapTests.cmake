@@ -60,8 +60,8 @@ endif()
 # half to two thirds of the time when they are optimised little.
 set(turbomap_optimised_tests "same_bits|same_map|strict|atomic|threads")
 
-# Without optimisation (the build of clang++ in .ci/run) each of these runs for up to two minutes: longer than its compilation
-# with optimisation takes more.
+# Without optimisation (the preset asan, and the build of clang++ in .ci/run) each of these runs for up to two minutes: longer
+# than its compilation with optimisation takes more.
 set(turbomap_busy_tests "correspondence_search|epipolar_order|track_creation|filters|triangulation|covariance")
 string(APPEND turbomap_busy_tests "|local_map_search|simulation|batch_bound|schur_system|interleavings|test_preintegration")
 string(APPEND turbomap_busy_tests "|initialise|point_uncertainty|global_adjustment|projection_search|byte_budget|map_mirror")
@@ -89,8 +89,13 @@ function(turbomap_add_test source label)
       target_precompile_headers(${name} REUSE_FROM turbomap_test_headers)
     endif()
   endif()
-  if(CMAKE_CXX_FLAGS_RELEASE STREQUAL "-O0" AND name MATCHES "${turbomap_busy_tests}")
-    target_compile_options(${name} PRIVATE "$<$<AND:$<CONFIG:Release>,${turbomap_is_cxx}>:-O1>")
+  if(name MATCHES "${turbomap_busy_tests}")
+    if(CMAKE_CXX_FLAGS_RELEASE STREQUAL "-O0")
+      target_compile_options(${name} PRIVATE "$<$<AND:$<CONFIG:Release>,${turbomap_is_cxx}>:-O1>")
+    endif()
+    if(TURBOMAP_SANITIZE)
+      target_compile_options(${name} PRIVATE "$<$<AND:$<CONFIG:Debug>,${turbomap_is_cxx}>:-O1>")
+    endif()
   endif()
   set(test ${TURBOMAP_TEST_PREFIX}${name})
   add_test(NAME ${test} COMMAND ${name})
