@@ -12,6 +12,7 @@
 
 #include <cstdint>
 #include <limits>
+#include <random>
 #include <vector>
 
 #include "scenes/lying_map.hpp"
@@ -76,6 +77,23 @@ TEST_CASE_TEMPLATE("a rig counts once, at its finest octave", Map, flat_map, poi
   CHECK(turbomap::observers_up_to(map, p, 300, 5, scratch) == 2);
   CHECK(turbomap::observers_up_to(map, p, 300, 1, scratch) == 1);  // counting ends there
   CHECK(turbomap::observers_up_to(map, p, 300, 0, scratch) == 0);
+  const int measurements = turbomap::measurement_count(map, p);
+  for (int fewest = -1; fewest < 5; ++fewest)
+    CHECK(turbomap::has_more_measurements(map, p, fewest) == (measurements > fewest));
+}
+
+TEST_CASE("counts of any length reach what their sum reaches") {
+  std::mt19937 random(3);
+  for (std::size_t levels = 1; levels <= 12; ++levels)
+    for (int round = 0; round < 200; ++round) {
+      counts c(levels);
+      for (auto& n : c) n = random() % 3;
+      const auto octave = static_cast<int>(random() % 14);
+      const auto enough = static_cast<std::uint32_t>(random() % 9);
+      std::uint32_t sum = 0;
+      for (std::size_t o = 0; o < levels && static_cast<int>(o) <= octave; ++o) sum += c[o];
+      CHECK(turbomap::reaches({c.data(), c.size()}, octave, enough) == (sum >= enough));
+    }
 }
 
 TEST_CASE("a stereo keypoint is two measurements, NaN is no stereo") {

@@ -127,7 +127,7 @@ void erase_point(Map& map, typename map_traits<Map>::point point, typename map_t
 template <class Map>
 bool fade(Map& map, typename map_traits<Map>::keyframe keyframe, std::size_t keypoint, int fewest = 2) {
   const auto point = forget(map, keyframe, keypoint);
-  if (point == typename map_traits<Map>::point{} || measurement_count(map, point) > fewest) return false;
+  if (point == typename map_traits<Map>::point{} || has_more_measurements(map, point, fewest)) return false;
   erase_point(map, point);
   return true;
 }

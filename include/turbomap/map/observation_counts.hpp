@@ -80,4 +80,15 @@ int measurement_count(const Map& map, typename map_traits<Map>::point point) {
   return count;
 }
 
+/// Whether measurement_count() is more than `fewest`: keypoints are read until that is known, mostly one or two.
+template <class Map>
+bool has_more_measurements(const Map& map, typename map_traits<Map>::point point, int fewest) {
+  using traits = map_traits<Map>;
+  int count = 0;
+  traits::for_each_observation(map, point, [&](typename traits::keyframe observer, std::size_t keypoint) {
+    if (count <= fewest) count += keypoint_of(map, observer, keypoint).u_right >= 0 ? 2 : 1;
+  });
+  return count > fewest;
+}
+
 TURBOMAP_END_NAMESPACE

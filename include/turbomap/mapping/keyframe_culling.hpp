@@ -8,6 +8,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <type_traits>
 
 #include "../config.hpp"
@@ -16,6 +17,7 @@
 #include "../map/map_edit.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/neighbourhood.hpp"
+#include "../map/numbering.hpp"
 #include "../map/observation_counts.hpp"
 #include "../map/validate.hpp"
 #include "../math/strict.hpp"
@@ -61,22 +63,54 @@ std::uint32_t observers_up_to(const Map& map, typename map_traits<Map>::point po
 }
 
 /// Points of the keyframe that count, and how many of them are redundant. A short sum per point where the map keeps counts
-/// (counts_octaves_v). `scratch` is reused memory. O(keypoints).
+/// (counts_octaves_v). `scratch` is reused memory. O(keypoints). Without options.complete_counts only so many points of a keyframe
+/// that is needed are counted as decide that.
 template <class Map, class List>
 redundancy count_redundant(const Map& map, typename map_traits<Map>::keyframe keyframe,
                            const keyframe_culling_options& options, List& scratch) {
   using traits = map_traits<Map>;
+  const typename traits::point none{};
   redundancy count;
   const std::size_t keypoints = keypoint_count_of(map, keyframe);
+  const auto is_near = [&](const auto& k) {
+    // No branch: which keypoints are near cannot be predicted.
+    return static_cast<int>(!(options.max_depth > 0)) |
+           (static_cast<int>(k.depth >= 0) & static_cast<int>(k.depth <= options.max_depth));
+  };
   // The keyframe itself is one of the observers, at the finest octave of its cameras, so never coarser than this view.
   const auto enough = static_cast<std::uint32_t>(options.observers) + 2;
-  for (std::size_t i = 0; i < keypoints; ++i) {
-    const auto point = traits::point_at(map, keyframe, i);
-    if (point == typename traits::point{} || !traits::alive(map, point)) continue;
-    const auto& k = keypoint_of(map, keyframe, i);
-    if (options.max_depth > 0 && !(k.depth >= 0 && k.depth <= options.max_depth)) continue;
-    ++count.points;
-    count.redundant += observers_up_to(map, point, k.octave + options.octave_slack, enough, scratch) >= enough ? 1 : 0;
+  if constexpr (counts_octaves_v<Map> && point_numbering<Map>::indexed) {
+    // Whether a slot is empty, and a keypoint near, cannot be predicted: those that count are listed first, without a branch.
+    if (scratch.size() < keypoints) scratch.resize(keypoints);
+    std::size_t listed = 0;
+    for (std::size_t i = 0; i < keypoints; ++i) {
+      scratch[listed] = static_cast<std::uint32_t>(i);
+      listed += static_cast<std::size_t>(static_cast<int>(!(traits::point_at(map, keyframe, i) == none)) &
+                                         is_near(keypoint_of(map, keyframe, i)));
+    }
+    const int enough_are_needed =
+        options.complete_counts ? std::numeric_limits<int>::max() : enough_needed(listed, options);
+    for (std::size_t n = 0; n < listed && count.points - count.redundant < enough_are_needed; ++n) {
+      const auto i = static_cast<std::size_t>(scratch[n]);
+      const auto point = traits::point_at(map, keyframe, i);
+      if (!traits::alive(map, point)) continue;
+      const auto& counts = traits::octave_counts(map, point);
+      ++count.points;
+      count.redundant +=
+          reaches({counts.data(), counts.size()}, keypoint_of(map, keyframe, i).octave + options.octave_slack, enough)
+              ? 1
+              : 0;
+    }
+  } else {
+    for (std::size_t i = 0; i < keypoints; ++i) {
+      const auto point = traits::point_at(map, keyframe, i);
+      if (point == none || !traits::alive(map, point)) continue;
+      const auto& k = keypoint_of(map, keyframe, i);
+      if (is_near(k) == 0) continue;
+      ++count.points;
+      count.redundant +=
+          observers_up_to(map, point, k.octave + options.octave_slack, enough, scratch) >= enough ? 1 : 0;
+    }
   }
   return count;
 }
@@ -231,8 +265,9 @@ class keyframe_culling {
     const auto guard = s.guard();
     if (!traits::alive(s.map, candidate)) return;
     records_.clear();
-    cull_keyframes(s.map, current, span<const keyframe>(&candidate, 1), options, records_, &touched_, erasing,
-                   s.faults);
+    keyframe_culling_options decide = options;
+    decide.complete_counts = false;  // nobody reads them here
+    cull_keyframes(s.map, current, span<const keyframe>(&candidate, 1), decide, records_, &touched_, erasing, s.faults);
     for (const auto& record : records_)
       if (record.verdict == culling_verdict::erased) erased(record.id);
   }
