@@ -57,6 +57,7 @@ class slot_table {
   bool alive(std::uint32_t slot, std::uint32_t generation) const { return known(slot, generation) && alive(slot); }
   bool alive(std::uint32_t slot) const { return slots_[slot].alive; }
   std::uint32_t generation(std::uint32_t slot) const { return slots_[slot].generation; }
+  void prefetch(std::uint32_t slot) const { __builtin_prefetch(slots_.data() + slot); }
   std::size_t alive_count() const { return alive_; }
   std::size_t slot_count() const { return slots_.size(); }
 

@@ -14,6 +14,7 @@
 #include "../plain_vector.hpp"
 #include "map_traits.hpp"
 #include "numbering.hpp"
+#include "read_ahead.hpp"
 
 namespace turbomap {
 
@@ -57,22 +58,27 @@ class covisibility {
   const list_of<covisible<keyframe>>& operator()(const Map& map, keyframe query, int min_shared,
                                                  std::size_t limit = no_limit, Accept accept = {}) {
     count(map, query);
-    for (std::size_t i = 1; i < observers_.size(); ++i)  // 0 is the query
-      if (shared_[i] != 0 && !accept(observers_[i])) shared_[i] = 0;
-    rank(map, min_shared, limit);
+    rank(map, query, min_shared, limit, accept);
     return result_;
   }
 
  private:
-  void rank(const Map& map, int min_shared, std::size_t limit) {
+  /// Of an observer.
+  struct tally {
+    std::uint64_t last_point = 0;  ///< serial of the last point that it was seen to observe
+    int shared = 0;
+  };
+
+  template <class Accept>
+  void rank(const Map& map, keyframe query, int min_shared, std::size_t limit, Accept accept) {
     result_.clear();
     covisible<keyframe> best{};
     std::uint64_t best_id = 0;
-    for (std::size_t i = 1; i < observers_.size(); ++i) {
-      if (shared_[i] == 0) continue;
-      const covisible<keyframe> c{observers_[i], shared_[i]};
+    for (const keyframe& k : observers_) {
+      if (k == query || !accept(k)) continue;
+      const covisible<keyframe> c{k, tallies_[place(map, k)].shared};
       if (c.shared_points >= min_shared) result_.push_back(c);
-      const std::uint64_t id = traits::id(map, c.keyframe);
+      const std::uint64_t id = traits::id(map, k);
       if (c.shared_points > best.shared_points || (c.shared_points == best.shared_points && id < best_id))
         best = c, best_id = id;
     }
@@ -85,30 +91,44 @@ class covisibility {
     sort_plain(result_.data(), result_.size(), first);
     result_.resize(keep);
   }
+  /// Each observer is looked up in one place per observation: this is the whole cost. What tallies hold of earlier calls is told
+  /// by its serials, so nothing is emptied.
   void count(const Map& map, keyframe query) {
-    observer_numbers_.clear(), counted_.clear();
-    observers_.assign(1, query), shared_.assign(1, 0), last_point_.assign(1, 0);
-    observer_numbers_.place(map, query);
-    const std::size_t keypoints = keypoint_count_of(map, query);
-    for (std::size_t i = 0; i < keypoints; ++i) {
-      const auto point = traits::point_at(map, query, i);
-      if (point == typename traits::point{} || !traits::alive(map, point)) continue;
-      const std::size_t serial = counted_.size() + 1;
-      if (counted_.place(map, point) + 1 != serial) continue;  // two cameras of the query see it
+    if constexpr (!indexed) observer_numbers_.clear();
+    counted_.clear(), observers_.clear();
+    const std::uint64_t first = serial_ + 1;
+    for_each_slot_ahead<point_data::entry + point_data::views>(map, query, [&](std::size_t, const auto& point) {
+      if (point == typename traits::point{} || !traits::alive(map, point)) return;
+      const std::size_t known = counted_.size();
+      if (counted_.place(map, point) != known) return;  // two cameras of the query see it
+      const std::uint64_t serial = ++serial_;
       traits::for_each_observation(map, point, [&](keyframe k, std::size_t) {
-        const std::size_t at = observer_numbers_.place(map, k);
-        if (at == observers_.size()) observers_.push_back(k), shared_.push_back(0), last_point_.push_back(0);
-        shared_[at] += last_point_[at] != serial ? 1 : 0;  // else another camera of the same rig
-        last_point_[at] = serial;
+        const std::size_t at = place(map, k);
+        if (at >= tallies_.size()) tallies_.resize(at + at / 2 + 16);
+        tally& t = tallies_[at];
+        if (t.last_point < first) {
+          observers_.push_back(k);
+          t = {};
+        }
+        t.shared += t.last_point != serial ? 1 : 0;  // else another camera of the same rig
+        t.last_point = serial;
       });
-    }
+    });
   }
+  std::size_t place(const Map& map, const keyframe& k) {
+    if constexpr (indexed)
+      return static_cast<std::size_t>(traits::index(map, k));
+    else
+      return observer_numbers_.place(map, k);
+  }
+
+  static constexpr bool indexed = detail::has_map_index<Map, keyframe>::value;
 
   keyframe_numbering<Map> observer_numbers_;
   point_numbering<Map> counted_;
   list_of<keyframe> observers_;
-  plain_vector<int> shared_;
-  plain_vector<std::size_t> last_point_;
+  plain_vector<tally> tallies_;  ///< by index, or by number
+  std::uint64_t serial_ = 0;     ///< of points, over all calls
   list_of<covisible<keyframe>> result_;
 };
 

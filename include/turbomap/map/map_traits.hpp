@@ -60,6 +60,7 @@
 ///       static void reserve_observations(my::Map&, point, std::size_t more);  // may throw: add_observation then does not
 ///       static std::size_t index(const my::Map&, keyframe);           // small and unique among the living, e.g. a place in
 ///       static std::size_t index(const my::Map&, point);              //    an array: replaces tables of ids
+///       static void prefetch(const my::Map&, point, unsigned what);   // asks memory for what is read soon: see point_data
 ///       static turbomap::point_covariance covariance(const my::Map&, point);   // how well its position is known; these
 ///       static void set_covariance(my::Map&, point, const turbomap::point_covariance&);        // two: both or neither
 ///       static float found_ratio(const my::Map&, point);              // found / visible in tracking; else taken as 1
@@ -96,6 +97,15 @@ struct map_traits {
   using turbomap_not_specialised = void;  ///< only here, so that a missing specialisation is found.
 };
 
+/// What is read soon of a point, for prefetch() of the traits. Sums are given.
+enum class point_data : unsigned {
+  entry = 1,         ///< whether it is alive, its position, its reference, where its observations are
+  views = 2,         ///< its observations; `entry` of the same point was asked for some points before
+  appearance = 4,    ///< normal, range, descriptor
+  octave_counts = 8  ///< how often it is seen at each octave
+};
+constexpr unsigned operator+(point_data a, point_data b) { return static_cast<unsigned>(a) | static_cast<unsigned>(b); }
+
 }  // namespace turbomap
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -129,6 +139,8 @@ template <class M, class T>
 using map_counts_member =
     std::void_t<decltype(T::octave_counts(std::declval<const M&>(), std::declval<point_of<T>>()).size()),
                 decltype(T::change_octave_count(std::declval<M&>(), std::declval<point_of<T>>(), int{}, int{}))>;
+template <class M, class T>
+using map_prefetch_member = decltype(T::prefetch(std::declval<const M&>(), std::declval<point_of<T>>(), unsigned{}));
 template <class M, class T>
 using map_reserve_member =
     decltype(T::reserve_observations(std::declval<M&>(), std::declval<point_of<T>>(), std::size_t{}));

@@ -72,9 +72,19 @@ class numbering {
     }
   }
 
- private:
+  /// Asks memory for what place() and find() are going to read. The name may be none.
+  void prefetch([[maybe_unused]] const Map& map, [[maybe_unused]] const Name& name) const {
+    if constexpr (indexed) {
+      if (name == Name{}) return;
+      const auto at = static_cast<std::size_t>(map_traits<Map>::index(map, name));
+      if (at < cells_.size()) __builtin_prefetch(cells_.data() + at);
+    }
+  }
+
+  /// Whether numbers are found in an array, not in a table of ids.
   static constexpr bool indexed = detail::has_map_index<Map, Name>::value;
 
+ private:
   struct cell {
     std::uint32_t place = 0;
     std::uint32_t epoch = 0;

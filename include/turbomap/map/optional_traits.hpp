@@ -31,7 +31,7 @@ point_of<T> a_point();
 struct optional_names {
   int may_erase, is_origin, found_ratio, reserve_observations, octave_counts, change_octave_count, covariance,
       set_covariance, set_position, set_pose, time, previous, next, created, merged, erased, for_each_keyframe,
-      for_each_point, keypoint_count, keypoint, index, mirrored;
+      for_each_point, keypoint_count, keypoint, index, mirrored, prefetch;
 };
 template <class M, class T>
 using named_may_erase = decltype(&T::may_erase);
@@ -80,6 +80,8 @@ template <class M, class T>
 using named_index = decltype(&T::index);
 template <class M, class T>
 using type_index = typename T::index;
+template <class M, class T>
+using named_prefetch = decltype(&T::prefetch);
 template <class M, class T>
 using named_mirrored = decltype(&T::mirrored);
 
@@ -148,6 +150,9 @@ constexpr bool check_optional_members() {
       usable_or_absent_v<Map, map_counts_member, named_octave_counts, named_change_octave_count>,
       "turbomap: map_traits needs both or neither of `static span<const std::uint32_t> octave_counts(const Map&, "
       "point)` and `static void change_octave_count(Map&, point, int, int)`; see docs/map.md");
+  static_assert(
+      usable_or_absent_v<Map, map_prefetch_member, named_prefetch>,
+      "turbomap: map_traits::prefetch must be `static void prefetch(const Map&, point, unsigned)`; see docs/map.md");
   static_assert(
       usable_or_absent_v<Map, map_covariance_member, named_covariance, named_set_covariance>,
       "turbomap: map_traits needs both or neither of `static point_covariance covariance(const Map&, point)` and "

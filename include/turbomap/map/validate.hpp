@@ -17,6 +17,7 @@
 #include "map_fault.hpp"
 #include "map_traits.hpp"
 #include "observation_counts.hpp"
+#include "read_ahead.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -150,13 +151,11 @@ template <class Map>
 bool require_consistent_keyframe(const Map& map, typename map_traits<Map>::keyframe keyframe, fault_sink faults = {}) {
   using traits = map_traits<Map>;
   bool sound = true;
-  const std::size_t keypoints = keypoint_count_of(map, keyframe);
-  for (std::size_t i = 0; i < keypoints; ++i) {
-    const auto point = traits::point_at(map, keyframe, i);
-    if (point == typename traits::point{}) continue;
+  for_each_slot_ahead<point_data::entry + point_data::views>(map, keyframe, [&](std::size_t i, const auto& point) {
+    if (point == typename traits::point{}) return;
     if (!require_consistent_slot(map, keyframe, i, faults)) sound = false;
     if (traits::alive(map, point) && !require_consistent(map, point, faults)) sound = false;
-  }
+  });
   return sound;
 }
 

@@ -13,6 +13,7 @@
 #include "../map/covisibility.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/numbering.hpp"
+#include "../map/read_ahead.hpp"
 #include "../map/validate.hpp"
 #include "../plain_vector.hpp"
 #include "../span.hpp"
@@ -141,9 +142,20 @@ class adjustment_window {
   }
   /// \param hold  keyframes that come in with them are fixed; else only the origin is
   void add_points_of(const Map& map, const handle_table& stored, std::size_t f, bool hold, fault_sink faults) {
-    const std::size_t keypoints = keypoint_count_of(map, frames_[f]);
-    for (std::size_t i = 0; i < keypoints; ++i)
-      add_point(map, stored, traits::point_at(map, frames_[f], i), hold, faults);
+    for_each_ahead<point_data::entry + point_data::views>(
+        map, keypoint_count_of(map, frames_[f]),
+        [&](std::size_t i) {
+          const point p = traits::point_at(map, frames_[f], i);
+          return is_placed(map, p) ? point{} : p;  // most are: keyframes of a window share their points
+        },
+        [&](std::size_t, const point& p) { add_point(map, stored, p, hold, faults); });
+  }
+  /// Whether a look into an array tells that the point is there.
+  bool is_placed([[maybe_unused]] const Map& map, [[maybe_unused]] const point& p) const {
+    if constexpr (point_numbering<Map>::indexed)
+      return !(p == point{}) && point_numbers_.find(map, p) != id_table::none;
+    else
+      return false;
   }
   void add_point(const Map& map, const handle_table& stored, point p, bool hold, fault_sink faults) {
     std::size_t number;

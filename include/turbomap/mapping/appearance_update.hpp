@@ -15,6 +15,7 @@
 #include "../map/map_traits.hpp"
 #include "../map/numbering.hpp"
 #include "../map/point_descriptor.hpp"
+#include "../map/read_ahead.hpp"
 #include "../map/validate.hpp"
 #include "../plain_vector.hpp"
 #include "in_pieces.hpp"
@@ -104,29 +105,32 @@ class appearance_update {
   /// Writes what was computed last, of the points from `begin` on, to those that are alive yet.
   void commit(const scope& s, const appearance_options& options, std::size_t begin) {
     const auto guard = s.guard();
-    for (std::size_t i = 0; i < updated_.size(); ++i) {
-      const point p = points_[begin + i];
-      look_at_position(s.map, p);
-      if (!traits::alive(s.map, p)) continue;
-      point_appearance& u = updated_[i];
-      if (!options.geometry)
-        u.normal = traits::normal(s.map, p), u.min_distance = traits::min_distance(s.map, p),
-        u.max_distance = traits::max_distance(s.map, p);
-      const auto write = [&](const typename descriptor::element* d) {
-        traits::set_appearance(s.map, p, u.normal, u.min_distance, u.max_distance, d);
-      };
-      if (options.descriptors) {
-        write(descriptors_.data() + i * static_cast<std::size_t>(descriptor::elements));
-      } else {
-        const auto& given = traits::descriptor_data(s.map, p);
-        write(detail::point_descriptor(s.map, p, given));
-      }
-      if constexpr (detail::map_has_v<Map, detail::map_covariance_member>)
-        if (options.covariance) traits::set_covariance(s.map, p, u.covariance);
-    }
+    for_each_ahead<point_data::entry + point_data::appearance>(
+        s.map, updated_.size(), [&](std::size_t i) { return points_[begin + i]; },
+        [&](std::size_t i, const point& p) { commit(s, options, i, p); });
   }
 
  private:
+  void commit(const scope& s, const appearance_options& options, std::size_t i, const point& p) {
+    look_at_position(s.map, p);
+    if (!traits::alive(s.map, p)) return;
+    point_appearance& u = updated_[i];
+    if (!options.geometry)
+      u.normal = traits::normal(s.map, p), u.min_distance = traits::min_distance(s.map, p),
+      u.max_distance = traits::max_distance(s.map, p);
+    const auto write = [&](const typename descriptor::element* d) {
+      traits::set_appearance(s.map, p, u.normal, u.min_distance, u.max_distance, d);
+    };
+    if (options.descriptors) {
+      write(descriptors_.data() + i * static_cast<std::size_t>(descriptor::elements));
+    } else {
+      const auto& given = traits::descriptor_data(s.map, p);
+      write(detail::point_descriptor(s.map, p, given));
+    }
+    if constexpr (detail::map_has_v<Map, detail::map_covariance_member>)
+      if (options.covariance) traits::set_covariance(s.map, p, u.covariance);
+  }
+
   struct view_of_point {
     std::uint64_t keyframe_id;
     std::size_t keypoint;
@@ -212,42 +216,45 @@ class appearance_update {
     observers_.clear();
     points_.clear(), positions_.clear(), observations_.clear(), references_.clear();
     offsets_.assign(1, 0);
-    for (const point& p : points) {
-      if (p == point{} || !traits::alive(map, p)) continue;
-      const std::size_t known = seen_.size();
-      if (seen_.place(map, p) != known) continue;
-      views_.clear();
-      traits::for_each_observation(map, p, [&](keyframe k, std::size_t i) {
-        if (k == keyframe{} || !traits::alive(map, k))
-          return s.faults({map_fault::observer_not_alive, 0, traits::id(map, p), i});
-        if (i >= keypoint_count_of(map, k))
-          return s.faults({map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, p), i});
-        views_.push_back({traits::id(map, k), i, k});
-      });
-      if (views_.empty()) continue;
-      if (!has_finite_position(map, p)) {
-        s.faults({map_fault::position_not_finite, 0, traits::id(map, p), 0});
-        continue;
-      }
-      order_views();
-      const keyframe reference = traits::reference(map, p);
-      std::size_t reference_place = id_table::none, first = id_table::none;
-      for (const view_of_point& v : views_) {
-        const std::size_t at = observers_.place(map, v.observer, s.stored, s.faults);
-        if (at == id_table::none) continue;
-        if (first == id_table::none) first = at;
-        if (v.observer == reference) reference_place = at;
-        observations_.push_back({static_cast<std::int32_t>(at), static_cast<std::int32_t>(v.keypoint)});
-      }
-      if (first == id_table::none) continue;
-      // A reference that does not see the point: its first observer stands in.
-      if (reference_place == id_table::none) reference_place = first;
-      points_.push_back(p);
-      const auto& position = traits::position(map, p);
-      positions_.push_back({position.x, position.y, position.z});
-      references_.push_back(static_cast<std::int32_t>(reference_place));
-      offsets_.push_back(static_cast<std::int32_t>(observations_.size()));
+    for_each_ahead<point_data::entry + point_data::views>(
+        map, points.size(), [&](std::size_t i) { return points[i]; },
+        [&](std::size_t, const point& p) {
+          if (p == point{} || !traits::alive(map, p)) return;
+          const std::size_t known = seen_.size();
+          if (seen_.place(map, p) == known) gather(s, p);
+        },
+        [&](const point& p) { seen_.prefetch(map, p); });
+  }
+  void gather(const scope& s, const point& p) {
+    const Map& map = s.map;
+    views_.clear();
+    traits::for_each_observation(map, p, [&](keyframe k, std::size_t i) {
+      if (k == keyframe{} || !traits::alive(map, k))
+        return s.faults({map_fault::observer_not_alive, 0, traits::id(map, p), i});
+      if (i >= keypoint_count_of(map, k))
+        return s.faults({map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, p), i});
+      views_.push_back({traits::id(map, k), i, k});
+    });
+    if (views_.empty()) return;
+    if (!has_finite_position(map, p)) return s.faults({map_fault::position_not_finite, 0, traits::id(map, p), 0});
+    order_views();
+    const keyframe reference = traits::reference(map, p);
+    std::size_t reference_place = id_table::none, first = id_table::none;
+    for (const view_of_point& v : views_) {
+      const std::size_t at = observers_.place(map, v.observer, s.stored, s.faults);
+      if (at == id_table::none) continue;
+      if (first == id_table::none) first = at;
+      if (v.observer == reference) reference_place = at;
+      observations_.push_back({static_cast<std::int32_t>(at), static_cast<std::int32_t>(v.keypoint)});
     }
+    if (first == id_table::none) return;
+    // A reference that does not see the point: its first observer stands in.
+    if (reference_place == id_table::none) reference_place = first;
+    points_.push_back(p);
+    const auto& position = traits::position(map, p);
+    positions_.push_back({position.x, position.y, position.z});
+    references_.push_back(static_cast<std::int32_t>(reference_place));
+    offsets_.push_back(static_cast<std::int32_t>(observations_.size()));
   }
 
   appearances<descriptor, camera, Policy> appearances_;

@@ -14,6 +14,7 @@
 #include "../map/map_traits.hpp"
 #include "../map/numbering.hpp"
 #include "../map/point_descriptor.hpp"
+#include "../map/read_ahead.hpp"
 #include "../map/validate.hpp"
 #include "../plain_vector.hpp"
 #include "keyframe_selection.hpp"
@@ -40,8 +41,8 @@ class duplicate_snapshot {
   }
   /// Takes in the live points of a keyframe, in the order of its keypoints, each point once. O(keypoints).
   void add_points_of(const Map& map, keyframe k) {
-    const std::size_t count = keypoint_count_of(map, k);
-    for (std::size_t i = 0; i < count; ++i) add_point(map, traits::point_at(map, k, i));
+    for_each_slot_ahead<point_data::entry + point_data::appearance>(
+        map, k, [&](std::size_t, const point& p) { add_point(map, p); });
   }
   /// Takes in one point if it is alive, the first time that it is named.
   void add_point(const Map& map, point p) {
@@ -53,15 +54,19 @@ class duplicate_snapshot {
   /// O(views of all points).
   void note_observed(const Map& map, const keyframe_selection<Map>& targets, fault_sink faults = {}) {
     observed_.clear();
-    if (targets.size() == 1) {  // the way back: no table
-      for (std::size_t p = 0; p < points_.size(); ++p)
-        traits::for_each_observation(map, points_[p], [&](keyframe k, std::size_t i) {
-          if (k == targets[0]) note(map, k, i, 0, p, faults);
-        });
-      return;
-    }
-    for (std::size_t p = 0; p < points_.size(); ++p)
-      traits::for_each_observation(map, points_[p], [&](keyframe k, std::size_t i) {
+    const auto each_view = [&](auto note_view) {
+      for_each_ahead<point_data::entry + point_data::views>(
+          map, points_.size(), [&](std::size_t p) { return points_[p]; },
+          [&](std::size_t p, const point& name) {
+            traits::for_each_observation(map, name, [&](keyframe k, std::size_t i) { note_view(k, i, p); });
+          });
+    };
+    if (targets.size() == 1)  // the way back: no table
+      each_view([&](keyframe k, std::size_t i, std::size_t p) {
+        if (k == targets[0]) note(map, k, i, 0, p, faults);
+      });
+    else
+      each_view([&](keyframe k, std::size_t i, std::size_t p) {
         const std::size_t target = targets.find(map, k);
         if (target != id_table::none) note(map, k, i, target, p, faults);
       });

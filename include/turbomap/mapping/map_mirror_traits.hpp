@@ -153,6 +153,21 @@ struct map_traits<map_mirror<Map>> {
     if constexpr (mirror::counted_by_user) user::change_octave_count(m.map(), m.name(p), octave, change);
     m.counts_[m.at(p) * m.levels_ + static_cast<std::size_t>(octave)] += static_cast<std::uint32_t>(change);
   }
+  static void prefetch(const mirror& m, point p, unsigned what) {
+    if (p.index < 0) return;
+    const std::size_t i = m.at(p);
+    const auto wants = [what](point_data d) { return (what & static_cast<unsigned>(d)) != 0; };
+    if (wants(point_data::entry)) {
+      m.point_places_.prefetch(p.index), m.lists_.prefetch_place(i);
+      __builtin_prefetch(&m.positions_[i]), __builtin_prefetch(&m.points_[i]);
+    }
+    if (wants(point_data::views)) m.lists_.prefetch(i);
+    if (wants(point_data::appearance)) {
+      __builtin_prefetch(&m.normals_[i]), __builtin_prefetch(&m.ranges_[i]);
+      __builtin_prefetch(m.descriptors_.data() + i * mirror::elements);
+    }
+    if (wants(point_data::octave_counts)) __builtin_prefetch(m.counts_.data() + i * m.levels_);
+  }
   template <class F>
   static void for_each_observation(const mirror& m, point p, F f) {
     m.ensure(p);

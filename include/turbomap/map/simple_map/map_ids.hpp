@@ -47,6 +47,7 @@ class place_list {
   }
   bool alive(std::int32_t place) const { return slots_.alive(slot_of(place)); }
   std::uint32_t generation(std::int32_t place) const { return slots_.generation(slot_of(place)); }
+  void prefetch(std::int32_t place) const { slots_.prefetch(slot_of(place)); }
   std::size_t size() const { return slots_.slot_count(); }
   std::size_t alive_count() const { return slots_.alive_count(); }
 

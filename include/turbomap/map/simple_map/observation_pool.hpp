@@ -32,6 +32,12 @@ class observation_pool {
     const block& b = lists_[list];
     return {elements_.data() + b.begin, b.count};
   }
+  /// Asks memory for where a list is, or, when that has come, for its first two dozen observations.
+  void prefetch_place(std::size_t list) const { __builtin_prefetch(&lists_[list]); }
+  void prefetch(std::size_t list) const {
+    const auto* const first = reinterpret_cast<const char*>(elements_.data() + lists_[list].begin);
+    __builtin_prefetch(first), __builtin_prefetch(first + 64), __builtin_prefetch(first + 128);
+  }
   /// Throws std::bad_alloc, and changes nothing, when there is no room.
   void add(std::size_t list, const observation& o) {
     reserve(list, 1);

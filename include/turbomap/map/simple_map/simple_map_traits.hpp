@@ -73,6 +73,21 @@ struct map_traits<simple_map<Descriptor, Camera>> {
   static point add_point(map& m, const vec3<double>& position, keyframe reference) {
     return m.add_point(position, reference);
   }
+  static void prefetch(const map& m, point p, unsigned what) {
+    if (p.index < 0) return;
+    const std::size_t i = at(p);
+    const auto wants = [what](point_data d) { return (what & static_cast<unsigned>(d)) != 0; };
+    if (wants(point_data::entry)) {
+      m.point_places_.prefetch(p.index), m.observations_.prefetch_place(i);
+      __builtin_prefetch(&m.positions_[i]), __builtin_prefetch(&m.points_[i]);
+    }
+    if (wants(point_data::views)) m.observations_.prefetch(i);
+    if (wants(point_data::appearance)) {
+      __builtin_prefetch(&m.normals_[i]), __builtin_prefetch(&m.ranges_[i]);
+      __builtin_prefetch(m.descriptors_.data() + i * map::elements);
+    }
+    if (wants(point_data::octave_counts)) __builtin_prefetch(m.counts_.data() + i * m.levels_);
+  }
   template <class F>
   static void for_each_observation(const map& m, point p, F f) {
     for (const observation& o : m.observations_.of(at(p)))
