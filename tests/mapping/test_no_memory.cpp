@@ -8,10 +8,9 @@
 
 #include <thrust/execution_policy.h>
 
-#include <new>
-
 #include "local_mapper_cases.hpp"
 #include "support/counted_new.hpp"
+#include "support/fail_everywhere.hpp"
 
 namespace turbomap_test {
 
@@ -37,20 +36,6 @@ using flat = mapped_by<pinhole_camera>;
 template <class Map>
 using adjusted_run = mapping_run<Map, sequential_policy, turbomap::local_adjustment<Map, sequential_policy>>;
 
-/// Lets allocation 0, 1, 2... fail until the call succeeds. \return how often it failed
-template <class Call, class Check>
-int fail_everywhere(Call call, Check check) {
-  for (int failures = 0;; ++failures) {
-    try {
-      const no_memory_after limit(failures);
-      call();
-      return failures;
-    } catch (const std::bad_alloc&) {
-    }
-    check();
-  }
-}
-
 TEST_CASE_TEMPLATE("every allocation of insert and process may fail", Map, flat, mirrored_flat) {
   mapping_recipe small = noisy(2);
   small.per_metre = 8, small.clutter = 5;
@@ -72,19 +57,19 @@ TEST_CASE_TEMPLATE("every allocation of insert and process may fail", Map, flat,
     const auto& view = run.view(run.keyframes().size() - 1);
     const std::size_t stored = run.store.size();
     const auto data = scene.data<turbomap::binary_descriptor<256>>(view);
-    inserting += fail_everywhere([&] { run.mapper.insert(k, data); },
-                                 [&] {
-                                   REQUIRE(run.store.size() == stored);
-                                   REQUIRE(run.mapper.stored().size() == stored);
-                                 });
+    inserting += fail_everywhere<no_memory_after>([&] { run.mapper.insert(k, data); },
+                                                  [&] {
+                                                    REQUIRE(run.store.size() == stored);
+                                                    REQUIRE(run.mapper.stored().size() == stored);
+                                                  });
     REQUIRE(run.store.size() == stored + 1);
     run.associate(k, view);
-    processing += fail_everywhere([&] { run.mapper.process(k); },
-                                  [&] {
-                                    REQUIRE(turbomap::validate(run.map).empty());
-                                    REQUIRE(run.store.size() == run.mapper.stored().size());
-                                    REQUIRE(run.store.statistics().pinned_sets == 0);
-                                  });
+    processing += fail_everywhere<no_memory_after>([&] { run.mapper.process(k); },
+                                                   [&] {
+                                                     REQUIRE(turbomap::validate(run.map).empty());
+                                                     REQUIRE(run.store.size() == run.mapper.stored().size());
+                                                     REQUIRE(run.store.statistics().pinned_sets == 0);
+                                                   });
     const auto& report = run.mapper.report();
     for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) CHECK(report.outcome.values[s] == stage_outcome::done);
     CHECK(report.refused.empty());

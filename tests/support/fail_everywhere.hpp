@@ -1,0 +1,28 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Lets every allocation of a call fail, one after the other.
+
+#include <new>
+
+namespace turbomap_test {
+
+/// Lets allocation 0, 1, 2... fail until the call succeeds. \return how often it failed
+/// \tparam Limit  Limit(n): as long as it lives, allocation n and all after it fail
+/// \param check   what must hold after each failure
+template <class Limit, class Call, class Check>
+int fail_everywhere(Call call, Check check) {
+  for (int failures = 0;; ++failures) {
+    try {
+      const Limit limit(failures);
+      call();
+      return failures;
+    } catch (const std::bad_alloc&) {
+    }
+    check();
+  }
+}
+
+}  // namespace turbomap_test
