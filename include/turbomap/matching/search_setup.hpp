@@ -25,16 +25,20 @@ namespace detail {
 template <class Descriptor, class Camera>
 std::int64_t count_unmapped(const posed_keyframe<Descriptor, Camera>& k) {
   if (k.has_point.empty()) return k.view.keypoint_count;
-  std::int64_t count = 0;
+  std::int32_t count = 0;
   for (const std::uint8_t m : k.has_point) count += m == 0;
   return count;
 }
-/// Lists them, ascending; returns their number.
+/// Lists them, ascending; returns their number. Writes one element more than that: a branch for each keypoint would be guessed
+/// wrong half of the time.
 template <class Descriptor, class Camera>
 std::int32_t list_unmapped(const posed_keyframe<Descriptor, Camera>& k, std::int32_t* list) {
+  const std::uint8_t* const mapped = k.has_point.empty() ? nullptr : k.has_point.data();
   std::int32_t count = 0;
-  for (std::int32_t i = 0; i < k.view.keypoint_count; ++i)
-    if (k.has_point.empty() || k.has_point[static_cast<std::size_t>(i)] == 0) list[count++] = i;
+  for (std::int32_t i = 0; i < k.view.keypoint_count; ++i) {
+    list[count] = i;
+    count += mapped == nullptr || mapped[i] == 0;
+  }
   return count;
 }
 /// The neighbours of a call: those that were given and, last, the query itself where its cameras are matched.
@@ -68,7 +72,7 @@ struct search_inputs : packed_inputs {
         T_cw(place<rigid_transform<double>>(1 + neighbours)),
         has_point_offset(place<std::int32_t>(neighbours)),
         candidate_offset(place<std::int32_t>(1 + neighbours)),
-        candidates(place<std::int32_t>(static_cast<std::size_t>(candidate_count))),
+        candidates(place<std::int32_t>(static_cast<std::size_t>(candidate_count) + 1)),
         queries(place<std::int32_t>(static_cast<std::size_t>(slot_count))),
         scale(place<float>(scale_table_size)),
         sigma2(place<float>(scale_table_size)),
@@ -143,13 +147,14 @@ void set_up_search(context<Policy>& ctx, const posed_keyframe<Descriptor, Camera
   auto& v = buffers.view;
   v.neighbour_count = v.slot_count =
       0;  // from here on memory may run out, and the arrays of the last result are replaced
-  buffers.queries.reserve(static_cast<std::size_t>(slots));
+  buffers.queries.reserve(static_cast<std::size_t>(slots) + 1);
   buffers.pairs.resize_discard(static_cast<std::size_t>(pairs));
   buffers.match.resize_discard(static_cast<std::size_t>(results));
   buffers.distance.resize_discard(static_cast<std::size_t>(results));
   const upload_block block = ctx.begin_upload(buffers.inputs, inputs.bytes());
-  buffers.queries.resize(static_cast<std::size_t>(slots));
+  buffers.queries.resize(static_cast<std::size_t>(slots) + 1);
   detail::list_unmapped(query, buffers.queries.data());
+  buffers.queries.resize(static_cast<std::size_t>(slots));
   inputs.fill(block, neighbours, buffers.queries.data(), options.scales);
   ctx.send(block, inputs.bytes());
 
