@@ -37,8 +37,9 @@ int main(int argc, char** argv) try {
   app.add_option("input", a.input, "file or folder of the problem")->required();
   app.add_option(
          "--format", a.format,
-         "bal, kitti-stereo, schur, lba (a synthetic problem or a snapshot) or colmap; by content when not given")
-      ->check(CLI::IsMember({"bal", "kitti-stereo", "schur", "lba", "colmap"}));
+         "bal, kitti-stereo, schur, lba (a synthetic problem or a snapshot) or colmap; by content when not given. "
+         "generated: the input is CAMERAS,POINTS,OBSERVATIONS of a problem that is made")
+      ->check(CLI::IsMember({"bal", "kitti-stereo", "schur", "lba", "colmap", "generated"}));
   app.add_option("--policy", a.policy, "execution policy")->check(CLI::IsMember({"seq", "omp", "tbb", "cuda"}));
   app.add_option("--solver", a.solver, "of the reduced system")
       ->check(CLI::IsMember({"automatic", "dense", "sparse", "pcg"}));
@@ -58,7 +59,7 @@ int main(int argc, char** argv) try {
       ->check(CLI::NonNegativeNumber);
   app.add_option("--perturb-rad", a.perturb_rad, "noise added to free rotations (not bal)")
       ->check(CLI::NonNegativeNumber);
-  app.add_option("--seed", a.seed, "of the noise");
+  app.add_option("--seed", a.seed, "of the noise, and of a problem that is made");
   app.add_option("--camera", a.camera, "fx fy cx cy bf of a synthetic problem")->expected(5);
   app.add_option("--json", a.json, "write the result to this file");
   try {

@@ -61,7 +61,7 @@ TEST_CASE("every allocation of device memory may fail") {
   device_run run(scene, c.options, {}, on.policy(), store);
   run.notes_creation = false;
   int inserting = 0, processing = 0;
-  std::size_t adjusted = 0, created = 0;
+  std::size_t adjusted = 0;
   for (int n = 0; n < 10; ++n) {
     CAPTURE(n);
     const auto k = run.add();
@@ -85,14 +85,13 @@ TEST_CASE("every allocation of device memory may fail") {
     for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) CHECK(report.outcome.values[s] == stage_outcome::done);
     CHECK(report.refused.empty());
     adjusted += report.adjustment.solve.accepted > 0 ? 1 : 0;
-    created += report.points_created;
     run.note();
   }
   CHECK(cudaGetLastError() == cudaSuccess);  // no error is left behind for somebody else's next call
   CHECK(inserting > 2);
   CHECK(processing > 20);
   CHECK(adjusted > 5);
-  CHECK(created > 20);
+  CHECK(run.quality().points > 50);
   CHECK(turbomap::validate(run.map).empty());
   CHECK(run.quality().merged_wrongly == 0);
 }

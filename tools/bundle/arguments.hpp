@@ -15,7 +15,7 @@ namespace turbomap_bundle {
 
 struct arguments {
   std::filesystem::path input, json;
-  std::string format;  ///< bal, kitti-stereo, schur, lba, colmap; empty: by content
+  std::string format;  ///< bal, kitti-stereo, schur, lba, colmap, generated; empty: by content
   std::string policy = "seq";
   std::string solver = "automatic";   ///< automatic, dense, sparse, pcg
   std::string precision = "float64";  ///< float64, mixed, float32

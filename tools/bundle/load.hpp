@@ -27,6 +27,7 @@
 #include "readers/synthetic_lba.hpp"
 
 #include "arguments.hpp"
+#include "generated_bal.hpp"
 #include "recorded_problem.hpp"
 
 namespace turbomap_bundle {
@@ -146,6 +147,7 @@ inline loaded_problem load(const arguments& a, const std::string& format) {
     if (format == "lba") return load_lba(a);
     if (format == "kitti-stereo") return load_kitti(a.input);
     if (format == "colmap") return load_colmap(a.input);
+    if (format == "generated") return generate_bal(parse_generated_size(a.input.string()), a.seed);
     return turbomap::read_bal(std::filesystem::is_directory(a.input) ? first_file(a.input, "problem-") : a.input);
   }();
   if (a.perturb_m != 0 || a.perturb_rad != 0)

@@ -24,13 +24,14 @@ struct gather_landmarks {
 
   TURBOMAP_HD void operator()(int l) const {
     double sum[3] = {};
-    for (int slot = s.landmark_slot[l]; slot < s.landmark_slot[l + 1]; ++slot) {
-      const A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
-      const double* x = p + static_cast<std::ptrdiff_t>(s.slot_frame[slot]) * D;
-      for (int m = 0; m < 3; ++m)
-        for (int v = 0; v < V; ++v) sum[m] += static_cast<double>(z[m * V + v]) * x[v];
-    }
+    for (int slot = s.landmark_slot[l]; slot < s.landmark_slot[l + 1]; ++slot) add(slot, sum);
     for (int m = 0; m < 3; ++m) y[static_cast<std::ptrdiff_t>(l) * 3 + m] = sum[m];
+  }
+  TURBOMAP_HD void add(int slot, double (&sum)[3]) const {
+    const A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
+    const double* x = p + static_cast<std::ptrdiff_t>(s.slot_frame[slot]) * D;
+    for (int m = 0; m < 3; ++m)
+      for (int v = 0; v < V; ++v) sum[m] += static_cast<double>(z[m * V + v]) * x[v];
   }
 };
 
@@ -44,28 +45,33 @@ struct multiply_frames {
   double* q;
 
   TURBOMAP_HD void operator()(int f) const {
+    double sum[D];
+    for (int r = 0; r < D; ++r) sum[r] = of_frames(f, r);
+    for (int k = s.frame_slot[f]; k < s.frame_slot[f + 1]; ++k) subtract(s.slot_list[k], sum);
+    for (int r = 0; r < D; ++r) q[static_cast<std::ptrdiff_t>(f) * D + r] = sum[r];
+  }
+  /// Row r of H p: of the frame itself, and of the factors between it and others.
+  TURBOMAP_HD double of_frames(int f, int r) const {
     const double* H = s.H + static_cast<std::ptrdiff_t>(f) * frame_block<D>::triangle;
     const double* x = p + static_cast<std::ptrdiff_t>(f) * D;
-    double sum[D];
-    for (int r = 0; r < D; ++r) {
-      sum[r] = damping(H[r * (r + 3) / 2]) * x[r];
-      for (int c = 0; c < D; ++c) sum[r] += H[r >= c ? r * (r + 1) / 2 + c : c * (c + 1) / 2 + r] * x[c];
-    }
+    double sum = damping(H[r * (r + 3) / 2]) * x[r];
+    for (int c = 0; c < D; ++c) sum += H[r >= c ? r * (r + 1) / 2 + c : c * (c + 1) / 2 + r] * x[c];
     for (int k = s.frame_pair[f]; k < s.frame_pair[f + 1]; ++k) {
       const frame_neighbour& n = s.neighbours[k];
       const double* square = s.sums.factor_square + static_cast<std::ptrdiff_t>(n.factor) * D * D;
       const double* other = p + static_cast<std::ptrdiff_t>(n.other) * D;
-      for (int r = 0; r < D; ++r)
-        for (int c = 0; c < D; ++c) sum[r] += (n.is_first != 0 ? square[r * D + c] : square[c * D + r]) * other[c];
+      for (int c = 0; c < D; ++c) sum += (n.is_first != 0 ? square[r * D + c] : square[c * D + r]) * other[c];
     }
-    for (int k = s.frame_slot[f]; k < s.frame_slot[f + 1]; ++k) {
-      const int slot = s.slot_list[k];
-      const A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
-      const double* l = y + static_cast<std::ptrdiff_t>(s.slot_landmark[slot]) * 3;
-      for (int m = 0; m < 3; ++m)
-        for (int v = 0; v < V; ++v) sum[v] -= static_cast<double>(z[m * V + v]) * l[m];
-    }
-    for (int r = 0; r < D; ++r) q[static_cast<std::ptrdiff_t>(f) * D + r] = sum[r];
+    return sum;
+  }
+  /// A slot's part of -Z y. \param sum  V numbers or more
+  template <int N>
+  TURBOMAP_HD void subtract(int slot, double (&sum)[N]) const {
+    static_assert(N >= V);
+    const A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
+    const double* l = y + static_cast<std::ptrdiff_t>(s.slot_landmark[slot]) * 3;
+    for (int m = 0; m < 3; ++m)
+      for (int v = 0; v < V; ++v) sum[v] -= static_cast<double>(z[m * V + v]) * l[m];
   }
 };
 
@@ -84,3 +90,7 @@ void launch_multiply_frames(const thrust::execution_policy<Derived>& policy, con
 }
 
 TURBOMAP_END_NAMESPACE
+
+#if TURBOMAP_HAS_CUDA
+#include "cuda/schur_product.cuh"
+#endif

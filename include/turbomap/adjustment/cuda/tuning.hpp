@@ -46,6 +46,11 @@ struct reduce_blocks_tuning {
   static constexpr int most_unknowns = 12;  ///< of a frame: a thread keeps their square; for more the generic body
 };
 
+/// launch_multiply_frames: a block per frame, which has hundreds to thousands of slots. (launch_gather_landmarks: landmark_tuning)
+struct schur_product_tuning {
+  static constexpr int warps = 8;
+};
+
 /// launch_adjust_poses: a block per frame, which has a few hundred to a thousand observations. The same for one frame and for
 /// thousands, so that the bits of a frame do not depend on the others.
 struct adjust_poses_tuning {
