@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// Elimination, blocks of the reduced system and back-substitution on a device: as on the host, for frames of any size, lists
+/// Elimination, blocks of the reduced system, products with it and back-substitution on a device: as on the host, for frames of any size, lists
 /// of any length, and the same bits each time.
 
 #include <doctest/doctest.h>
@@ -20,6 +20,7 @@
 
 #include <turbomap/adjustment/eliminate_landmarks.hpp>
 #include <turbomap/adjustment/reduced_system.hpp>
+#include <turbomap/adjustment/schur_product.hpp>
 #include <turbomap/adjustment/substitute_landmarks.hpp>
 #include <turbomap/adjustment/uploaded.hpp>
 
@@ -39,6 +40,8 @@ struct random_system {
   std::vector<std::int32_t> frame_slot{0}, slot_list, block_row, block_column, block_pair{0}, block_factor{0},
       factor_list;
   std::vector<turbomap::slot_pair> pairs;
+  std::vector<std::int32_t> frame_pair{0};
+  std::vector<turbomap::frame_neighbour> neighbours;
   std::vector<std::uint8_t> fixed;
   std::vector<A> row, coupling;
   std::vector<double> square, H, b, step, from;
@@ -85,6 +88,11 @@ struct random_system {
         block_pair.push_back(static_cast<std::int32_t>(pairs.size()));
         block_factor.push_back(static_cast<std::int32_t>(factor_list.size()));
       }
+    for (int f = 0; f < frames; ++f) {
+      for (int g = 0; g < frames; ++g)
+        if (f != g && (f + g) % 3 == 0) neighbours.push_back({(f + g) % factors, g, f < g ? 1 : 0});
+      frame_pair.push_back(static_cast<std::int32_t>(neighbours.size()));
+    }
     const auto fill = [&](std::vector<double>& x, int n) {
       for (int i = 0; i < n; ++i) x.push_back(normal(random));
     };
@@ -110,6 +118,7 @@ struct random_system {
     s.slot_list = send(slot_list), s.block_row = send(block_row), s.block_column = send(block_column);
     s.block_pair = send(block_pair), s.pairs = send(pairs), s.block_factor = send(block_factor);
     s.factor_list = send(factor_list), s.landmark_fixed = send(fixed);
+    s.frame_pair = send(frame_pair), s.neighbours = send(neighbours);
     s.sums.row = send(row), s.sums.coupling = send(coupling), s.sums.factor_square = send(square);
     s.H = send(H), s.b = send(b);
     const std::size_t eliminated = slot_frame.size() * 3 * V, count = static_cast<std::size_t>(landmarks);
@@ -130,6 +139,13 @@ struct random_system {
     double* to = ctx.template scratch<double>(from.size() + gains);
     turbomap::launch_substitute_landmarks<V, D>(ctx.policy(), s, send(step), damping, send(from), to, to + from.size());
 
+    double* y = ctx.template scratch<double>(3 * count + static_cast<std::size_t>(n));
+    const double* p = send(step);
+    turbomap::launch_gather_landmarks<V, D>(ctx.policy(), s, p, y);
+    turbomap::launch_multiply_frames<V, D>(ctx.policy(), s, p, y, damping, y + 3 * count);
+
+    std::vector<double> product(3 * count + static_cast<std::size_t>(n));
+    turbomap::copy_out(policy, product.data(), y, product.size() * sizeof(double));
     std::vector<A> z(eliminated);
     std::vector<turbomap::eliminated_landmark> e(count);
     std::vector<double> result(size + static_cast<std::size_t>(n) + from.size() + gains);
@@ -140,6 +156,7 @@ struct random_system {
                        (from.size() + gains) * sizeof(double));
     ctx.synchronize();
     result.insert(result.end(), z.begin(), z.end());
+    result.insert(result.end(), product.begin(), product.end());
     for (const auto& x : e) {
       result.insert(result.end(), x.inverse, x.inverse + 6);
       result.insert(result.end(), x.c, x.c + 3), result.insert(result.end(), x.b, x.b + 3);
