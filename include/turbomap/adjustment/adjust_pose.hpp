@@ -28,10 +28,18 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// A team of one thread. Members of a team compute the same but for the loops over observations, which they share.
 struct team_of_one {
-  static constexpr int rank = 0, size = 1;
-  /// Replaces each number by its sum over the members.
+  static constexpr int rank = 0, size = 1, most = 28;
+  struct memory {
+    double total[2][most];
+  };
+  memory& sums;
+
+  /// The sums of numbers over the members, kept until the next ones at this place. \param place  0 or 1
   template <int N>
-  TURBOMAP_HD void sum(double (&)[N]) const {}
+  TURBOMAP_HD const double* sum(const double (&x)[N], int place) const {
+    for (int i = 0; i < N; ++i) sums.total[place][i] = x[i];
+    return sums.total[place];
+  }
   /// (H + lambda I) x = b. False: it has no solution.
   TURBOMAP_HD bool solve(const double* H, const double* b, double lambda, double (&x)[6]) const {
     double L[36];
@@ -61,7 +69,10 @@ struct adjust_one_pose {
   std::uint8_t* outlier;       ///< [observation]
   symmetric3<double>* spread;  ///< [observation] see weigh()
 
-  TURBOMAP_HD void operator()(int f) const { run(f, team_of_one{}); }
+  TURBOMAP_HD void operator()(int f) const {
+    team_of_one::memory memory;
+    run(f, team_of_one{memory});
+  }
 
   template <class Team>
   TURBOMAP_HD void run(int f, const Team& team) const {
@@ -74,6 +85,9 @@ struct adjust_one_pose {
   }
 
  private:
+  static constexpr int triangle = 21, normal_equations = triangle + 6;
+  static_assert(normal_equations < team_of_one::most);
+
   /// Calls g(i) for the observations of a frame that a member of the team has: the same ones each time.
   template <class Team, class Function>
   TURBOMAP_HD void for_each_of(int f, const Team& team, const Function& g) const {
@@ -171,53 +185,46 @@ struct adjust_one_pose {
     return chi2;
   }
 
+  /// The normal equations of the inliers at a pose (lower triangle of H, b), and their cost: in one pass, since most steps are
+  /// accepted.
   template <class Team>
-  TURBOMAP_HD double cost(int f, const Team& team, bool robust, const rigid_transform<double>& T_cw) const {
+  TURBOMAP_HD const double* linearise(int f, const Team& team, bool robust, const rigid_transform<double>& T_cw,
+                                      int place) const {
     const isometry<double> T = to_isometry<double>(T_cw);
-    double total[1] = {};
+    double sums[normal_equations + 1] = {};
     for_each_of(f, team, [&](int i) {
       if (outlier[i] != 0) return;
       double rho = 0;
       // What a step leaves undefined counts as 1000 px off.
-      if (observe<false>(i, T, robust, nullptr, nullptr, rho) < 0) rho = 1e6 * information[i];
-      total[0] += rho;
+      if (observe<true>(i, T, robust, sums, sums + triangle, rho) < 0) rho = 1e6 * information[i];
+      sums[normal_equations] += rho;
     });
-    team.sum(total);
-    return total[0];
+    return team.sum(sums, place);
   }
 
   /// Levenberg-Marquardt on the inliers. False: the cost at the start is not finite.
   template <class Team>
   TURBOMAP_HD bool optimise(int f, const Team& team, bool robust, rigid_transform<double>& T_cw, double& best) const {
-    best = cost(f, team, robust, T_cw);
+    int place = 0;
+    const double* now = linearise(f, team, robust, T_cw, place);
+    best = now[normal_equations];
     if (!detail::is_finite(best)) return false;
     damping_control control;
-    for (int iteration = 0; iteration < options.iterations;) {
-      const isometry<double> T = to_isometry<double>(T_cw);
-      double sums[27] = {}, *const H = sums, *const b = sums + 21;
-      for_each_of(f, team, [&](int i) {
-        double rho;
-        if (outlier[i] == 0) observe<true>(i, T, robust, H, b, rho);
-      });
-      team.sum(sums);
-      if (iteration == 0)
-        for (int i = 0; i < 6; ++i)
-          control.lambda = larger(control.lambda, options.initial_lambda_scale * H[i * (i + 1) / 2 + i]);
-      bool accepted = false;
-      while (!accepted && iteration < options.iterations) {
-        ++iteration;
-        double x[6], predicted = 0;
-        if (team.solve(H, b, control.lambda, x)) {
-          for (int i = 0; i < 6; ++i) predicted += x[i] * (control.lambda * x[i] + b[i]);
-          if (!(predicted > 1e-14 * best)) return true;
-          const rigid_transform<double> moved = left_exp(x, T_cw);
-          const double after = cost(f, team, robust, moved);
-          accepted = control.accepts(best, after, predicted);
-          if (accepted) best = after, T_cw = moved;
-        } else {
-          control.refuse();
-        }
+    for (int i = 0; i < 6; ++i)
+      control.lambda = larger(control.lambda, options.initial_lambda_scale * now[i * (i + 1) / 2 + i]);
+    for (int iteration = 0; iteration < options.iterations; ++iteration) {
+      double x[6], predicted = 0;
+      if (!team.solve(now, now + triangle, control.lambda, x)) {
+        control.refuse();
+        continue;
       }
+      for (int i = 0; i < 6; ++i) predicted += x[i] * (control.lambda * x[i] + now[triangle + i]);
+      if (!(predicted > 1e-14 * best)) return true;
+      const rigid_transform<double> moved = left_exp(x, T_cw);
+      const double* next = linearise(f, team, robust, moved, 1 - place);
+      if (!control.accepts(best, next[normal_equations], predicted)) continue;
+      best = next[normal_equations], T_cw = moved;
+      now = next, place = 1 - place;
     }
     return true;
   }
@@ -238,8 +245,7 @@ struct adjust_one_pose {
       outlier[i] = good ? 0 : 1;
       inliers[0] += good ? 1 : 0;
     });
-    team.sum(inliers);
-    return static_cast<int>(inliers[0]);
+    return static_cast<int>(*team.sum(inliers, 0));
   }
 };
 

@@ -7,13 +7,16 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <type_traits>
 
+#include "../array.hpp"
 #include "../camera/rig.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
 #include "../named_range.hpp"
+#include "../plain_vector.hpp"
 #include "../span.hpp"
 #include "adjust_pose.hpp"
 #include "adjustment_camera.hpp"
@@ -46,7 +49,7 @@ template <class Camera, class Policy>
 class motion_only {
  public:
   using memory = memory_of_t<Policy>;
-  explicit motion_only(const context<Policy>& ctx) : cameras_(ctx.resource()) {}
+  explicit motion_only(const context<Policy>& ctx) : inputs_(ctx.resource()), results_(ctx.staging_resource()) {}
 
   /// Adjusts the pose of every frame to its points: `rounds` times Levenberg-Marquardt on the inliers, after each of which
   /// outliers are told anew [ORB-SLAM3]. Frames are independent: an index of the policy is a frame.
@@ -57,39 +60,36 @@ class motion_only {
                   Frames& result, Flags& outlier) {
     check(in, options);
     const std::size_t frames = in.T_cw.size(), n = in.point.size();
-    cameras_.host().clear();
+    cameras_.clear();
     for (int c = 0; c < in.rig.count; ++c)
-      cameras_.host().push_back(adjustment_camera<Camera>(in.rig[c], options.stereo_correlation));
+      cameras_.push_back(adjustment_camera<Camera>(in.rig[c], options.stereo_correlation));
     const named_range range("adjust_poses");
-    ctx.synchronize();
     ctx.begin_call();
     const Policy& policy = ctx.policy();
-    cameras_.send(policy);
-    auto* to = ctx.template scratch<posed_frame>(frames);
-    auto* flags = ctx.template scratch<std::uint8_t>(n);
-    const auto launch = [&](auto exact) {
-      const adjust_one_pose<Camera, exact.value> work{cameras_.data(),
-                                                      resident(ctx, in.T_cw),
-                                                      resident(ctx, in.begin),
-                                                      resident(ctx, in.point),
-                                                      resident(ctx, in.pixel),
-                                                      resident(ctx, in.information),
-                                                      resident(ctx, in.camera),
-                                                      resident(ctx, in.covariance),
-                                                      options,
-                                                      to,
-                                                      flags,
-                                                      exact ? nullptr : ctx.template scratch<symmetric3<double>>(n)};
-      launch_adjust_poses(policy, static_cast<int>(frames), work);
+    const std::size_t frame_bytes = frames * sizeof(posed_frame);
+    auto* const results = ctx.template scratch<std::byte>(frame_bytes + n);
+    const auto launch = [&](auto exact, const auto*... inputs) {
+      launch_adjust_poses(
+          policy, static_cast<int>(frames),
+          adjust_one_pose<Camera, exact.value>{inputs..., options, reinterpret_cast<posed_frame*>(results),
+                                               reinterpret_cast<std::uint8_t*>(results) + frame_bytes,
+                                               exact ? nullptr : ctx.template scratch<symmetric3<double>>(n)});
     };
-    if (in.covariance.empty())
-      launch(std::true_type{});
-    else
-      launch(std::false_type{});
-    result.resize(frames), outlier.resize(n);
-    copy_out(policy, result.data(), to, frames * sizeof(posed_frame));
-    copy_out(policy, outlier.data(), flags, n);
+    with_resident(
+        ctx, inputs_,
+        [&](const auto*... inputs) {
+          if (in.covariance.empty())
+            launch(std::true_type{}, inputs...);
+          else
+            launch(std::false_type{}, inputs...);
+        },
+        span<const adjustment_camera<Camera>>(cameras_), in.T_cw, in.begin, in.point, in.pixel, in.information,
+        in.camera, in.covariance);
+    const std::byte* const found = ctx.on_host(results, frame_bytes + n, results_);
     ctx.synchronize();
+    result.resize(frames), outlier.resize(n);
+    if (frames > 0) std::memcpy(result.data(), found, frame_bytes);
+    if (n > 0) std::memcpy(outlier.data(), found + frame_bytes, n);
   }
 
  private:
@@ -120,7 +120,9 @@ class motion_only {
     require(options.min_observations >= 1, "options.min_observations", options.min_observations, "must be positive");
   }
 
-  uploaded<adjustment_camera<Camera>, memory> cameras_;
+  plain_vector<adjustment_camera<Camera>> cameras_;
+  array<std::byte, memory> inputs_;
+  array<std::byte, host_memory> results_;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -7,10 +7,12 @@
 /// the two is decided by overloads and specialisations on the memory that the policy computes in.
 
 #include <cstddef>
+#include <tuple>
 
 #include "../array.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../packed_inputs.hpp"
 #include "../plain_vector.hpp"
 #include "../span.hpp"
 
@@ -107,6 +109,36 @@ T* on_host(context<Policy>& ctx, T* data, std::size_t n, List& buffer) {
 template <class T, class Policy>
 const T* resident(context<Policy>& ctx, span<const T> view) {
   return view.empty() ? nullptr : detail::resident(memory_of_t<Policy>{}, ctx, view);
+}
+
+/// What with_resident() sends as one block, at most: more than that takes longer to pack than its copies take to start.
+inline constexpr std::size_t most_packed_bytes = std::size_t{1} << 18;
+
+/// Calls use(pointers) with the elements of views of the caller's for the policy to read: in place, or in one block that is
+/// sent in one copy where it is small. Empty: null. \param buffer  keeps the block; use it again
+template <class Policy, class Use, class... T>
+void with_resident(context<Policy>& ctx, array<std::byte, memory_of_t<Policy>>& buffer, Use use,
+                   span<const T>... views) {
+  if constexpr (is_host_accessible_v<memory_of_t<Policy>>) {
+    use((views.empty() ? nullptr : views.data())...);
+  } else {
+    packed_inputs inputs;
+    const std::tuple<input_slot<T>...> slots{inputs.place<T>(views.size())...};  // in their order: braces
+    const bool packed = inputs.bytes() <= most_packed_bytes;
+    if (!packed) buffer.resize_discard(inputs.bytes());
+    const upload_block block = packed ? ctx.begin_upload(buffer, inputs.bytes()) : upload_block{nullptr, buffer.data()};
+    std::apply(
+        [&](const auto&... slot) {
+          if (packed) {
+            (slot.copy(block, views.data()), ...);
+            ctx.send(block, inputs.bytes());
+          } else {
+            (copy_in(ctx.policy(), block.resident + slot.at, views.data(), views.size() * sizeof(T)), ...);
+          }
+          use((slot.size == 0 ? nullptr : slot.resident(block))...);
+        },
+        slots);
+  }
 }
 
 TURBOMAP_END_NAMESPACE

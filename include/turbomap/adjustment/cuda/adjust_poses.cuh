@@ -18,32 +18,33 @@ TURBOMAP_BEGIN_NAMESPACE
 /// The threads of a block as the team of a frame.
 class team_of_block {
  public:
-  static constexpr int warps = adjust_poses_tuning::warps, size = warps * warp_size, most = 27;
+  static constexpr int warps = adjust_poses_tuning::warps, size = warps * warp_size, most = team_of_one::most;
   /// Of the block, in shared memory.
   struct memory {
     double of_warp[warps][most];
-    double total[most];
+    double total[2][most];
   };
   int rank;
 
   __device__ explicit team_of_block(memory& m) : rank(static_cast<int>(threadIdx.x)), memory_(m) {}
 
   template <int N>
-  TURBOMAP_HD void sum(double (&x)[N]) const {
+  TURBOMAP_HD const double* sum(const double (&x)[N], int place) const {
     static_assert(N <= most);
 #if defined(__CUDA_ARCH__)  // the body that calls it is compiled for the host too
     sum_warp(x, memory_.of_warp[rank / warp_size]);
     __syncthreads();
     if (rank < N) {
       double total = 0;
+#pragma unroll
       for (int w = 0; w < warps; ++w) total += memory_.of_warp[w][rank];
-      memory_.total[rank] = total;
+      memory_.total[place][rank] = total;
     }
     __syncthreads();
-    for (int i = 0; i < N; ++i) x[i] = memory_.total[i];
 #else
     (void)x;
 #endif
+    return memory_.total[place];
   }
 
   /// As team_of_one, unrolled: nothing of it is in memory, and each pivot takes one reciprocal root.

@@ -33,11 +33,11 @@ class shared_tiles {
     return static_cast<std::size_t>(count(n) * (count(n) + 1) / 2) * width * width * sizeof(double);
   }
 
-  /// All warps: a warp per tile. What is above the diagonal is 0, what is beyond the matrix an identity.
-  __device__ void load(const dense_equations& s, int warp, int warps) const {
+  /// One warp: tile `first` and every `step`-th after it. What is above the diagonal is 0, what is beyond the matrix an identity.
+  __device__ void load(const dense_equations& s, int first, int step) const {
     const int lane = static_cast<int>(threadIdx.x) % warp_size, r = lane % width;
     const int tiles = (s.n + width - 1) / width;
-    for (int i = 0, j = warp;; j += warps) {
+    for (int i = 0, j = first;; j += step) {
       while (j > i) j -= i + 1, ++i;
       if (i >= tiles) return;
       const shared_tile to = tile(i, j);
@@ -179,13 +179,17 @@ __global__ void __launch_bounds__(Tuning::threads) solve_dense_kernel(dense_equa
     y[i] = i < s.n ? s.x[i] : 0;
     diagonal[i] = i < s.n ? s.S[static_cast<std::ptrdiff_t>(i) * s.stride + i] : 1;
   }
-  tiles.load(s, warp, warps);
-  __syncthreads();
   const auto factorise = [&](int p) {
     const bool factorised = detail::invert_factor(tiles.tile(p, p), diagonal + p * width, s.tolerance);
     if (thread == 0) good = factorised ? 1 : 0;
   };
-  if (warp == 0) factorise(0);
+  if (warp == 0) {
+    tiles.load(s, 0, count * count);
+    __syncwarp();
+    factorise(0);
+  } else {
+    tiles.load(s, warp, warps - 1);
+  }
   __syncthreads();
   for (int p = 0; p < count; ++p) {
     if (good == 0) {
