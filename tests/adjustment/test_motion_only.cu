@@ -78,7 +78,7 @@ TEST_CASE("one object, one context: frames after frames, more and fewer") {
   const stream on;
   turbomap::context<stream_policy> ctx{on.policy()};
   turbomap::motion_only<scene_camera, stream_policy> adjust(ctx);
-  for (const int frames : {3, 30, 0, 5}) {
+  for (const int frames : {3, 200, 30, 0, 5}) {  // 200: more than is sent in one block
     CAPTURE(frames);
     const frames_input in(make_adjustment_scene(scene_kind::stereo, frames, 0, 60, 9));
     posed p;

@@ -140,16 +140,18 @@ class structure_builder {
     s.slot_coupling.resize(n + 1), s.slot_frame.resize(n), s.slot_landmark.resize(n);
     s.frame_slot.assign(at(s.free_frames) + 1, 0);
     std::int32_t couplings = 0, slots = 0;
+    std::int32_t *const coupling = s.slot_coupling.data(), *const frame = s.slot_frame.data();
+    std::int32_t *const landmark = s.slot_landmark.data(), *const of_frame = s.frame_slot.data() + 1;
+    const ordered_row* const rows = rows_.data();
     for (std::int32_t l = 0; l < s.landmarks; ++l) {
       s.landmark_slot[at(l)] = slots;
       std::int32_t last = -1;
-      for (std::int32_t r = s.landmark_row[at(l)]; r < s.landmark_row[at(l) + 1]; ++r) {
-        const std::int32_t f = rows_[at(r)].key;
+      for (std::int32_t r = s.landmark_row[at(l)], end = s.landmark_row[at(l) + 1]; r < end; ++r) {
+        const std::int32_t f = rows[r].key;
         if (f >= s.free_frames) break;
         if (f != last) {
-          const std::size_t slot = at(slots++);
-          s.slot_coupling[slot] = couplings, s.slot_frame[slot] = f, s.slot_landmark[slot] = l;
-          ++s.frame_slot[at(f) + 1];
+          coupling[slots] = couplings, frame[slots] = f, landmark[slots] = l;
+          ++of_frame[f], ++slots;
         }
         last = f, ++couplings;
       }
@@ -160,7 +162,8 @@ class structure_builder {
     for (std::size_t i = 1; i < s.frame_slot.size(); ++i) s.frame_slot[i] += s.frame_slot[i - 1];
     counts_.assign(s.frame_slot.begin(), s.frame_slot.end());
     s.slot_list.resize(at(slots));
-    for (std::int32_t i = 0; i < slots; ++i) s.slot_list[at(counts_[at(s.slot_frame[at(i)])]++)] = i;
+    std::int32_t *const list = s.slot_list.data(), *const next = counts_.data();
+    for (std::int32_t i = 0; i < slots; ++i) list[next[frame[i]]++] = i;
   }
 
   /// Sorts the observations of each group by (frame, kind), which leaves them in the order of their landmarks, and cuts
@@ -190,13 +193,16 @@ class structure_builder {
       }
       e.source.resize(at(entry)), e.landmark.resize(at(entry)), e.row.resize(at(entry)), e.coupling.resize(at(entry));
       std::int32_t couplings = 0;
+      std::int32_t *const source = e.source.data(), *const landmark = e.landmark.data(), *const row_of = e.row.data();
+      std::int32_t *const coupling_of = e.coupling.data(), *const next = counts_.data();
+      const ordered_row* const rows = rows_.data();
       for (std::int32_t l = 0; l < s.landmarks; ++l)
-        for (std::int32_t r = s.landmark_row[at(l)]; r < s.landmark_row[at(l) + 1]; ++r) {
-          const ordered_row row = rows_[at(r)];
+        for (std::int32_t r = s.landmark_row[at(l)], row_end = s.landmark_row[at(l) + 1]; r < row_end; ++r) {
+          const ordered_row row = rows[r];
           const std::int32_t coupling = row.key < s.free_frames ? couplings++ : -1, o = row.source - begin;
           if (row.source < begin || row.source >= end) continue;
-          const std::size_t i = at(counts_[bucket(row.key, o)]++);
-          e.source[i] = o, e.landmark[i] = l, e.row[i] = r, e.coupling[i] = coupling;
+          const std::int32_t i = next[bucket(row.key, o)]++;
+          source[i] = o, landmark[i] = l, row_of[i] = r, coupling_of[i] = coupling;
         }
       finish_chunks(e, s);
     }
