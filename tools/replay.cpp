@@ -127,6 +127,8 @@ int main(int argc, char** argv) try {
                  "(host policies, replay mode)")
       ->check(CLI::IsMember({"simple", "objects"}));
   app.add_flag("--imu", a.imu, "use the recording's IMU, initialised from its samples (host policies, replay mode)");
+  app.add_flag("--pixel-centres", a.pixel_centres,
+               "move recorded keypoints of coarser levels to where they are in the full image (replay mode)");
   app.add_flag("--check", a.check, "compare every stage with the recorded snapshots; exit status 1 when one differs");
   app.add_option("--stages", stages,
                  "stages to run, separated by commas: "
@@ -210,6 +212,7 @@ int main(int argc, char** argv) try {
   if (!global.empty() && !a.global_end) a.global_every = std::stoi(global);
   if (a.objects && (a.check || a.policy == "cuda" || std::count(a.beside.begin(), a.beside.end(), "cuda") != 0))
     throw std::invalid_argument("--map objects: not together with --check or the policy cuda");
+  if (a.pixel_centres && a.check) throw std::invalid_argument("--pixel-centres: not together with --check");
   if (a.imu &&
       (a.check || a.objects || a.policy == "cuda" || std::count(a.beside.begin(), a.beside.end(), "cuda") != 0))
     throw std::invalid_argument("--imu: not together with --check, --map objects or the policy cuda");

@@ -12,6 +12,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <turbomap/camera/full_image_keypoint.hpp>
 #include <turbomap/local_mapper.hpp>
 
 #include "arguments.hpp"
@@ -179,6 +180,7 @@ class replayer {
  private:
   void step(std::int32_t i) {
     const auto data = recorded_keyframe(recording_, static_cast<std::size_t>(i), rig_, keypoints_);  // not timed
+    if (arguments_.pixel_centres && !recording_.is_simulated()) centre(keypoints_);
     // In recorded time: a keyframe is begun when it has come and the one before is done.
     const double arrival = arrival_ms(i);
     clock_ms_ = clock_ms_ > arrival ? clock_ms_ : arrival;
@@ -217,6 +219,11 @@ class replayer {
     }
     result_.rows.push_back(std::move(row));
     if (arguments_.global_every > 0 && (i + 1) % arguments_.global_every == 0) adjust_globally();
+  }
+  /// The recorded system multiplied the pixels of a level by its scale.
+  void centre(std::vector<turbomap::keypoint>& keypoints) const {
+    const turbomap::recording_meta& meta = recording_.meta;
+    for (auto& k : keypoints) k = turbomap::in_full_image(k, meta.width, meta.height, meta.scale_factor);
   }
   /// All of the map that the last keyframe is part of.
   void adjust_globally() {

@@ -40,7 +40,8 @@ std::string streamed(const Value& value) {
 }  // namespace detail
 
 /// One keypoint: position, octave, and orientation (0 where OpenCV has none, its -1). Throws std::invalid_argument when the
-/// octave is not in [0, 255]: SIFT packs several numbers into it, unpack them first.
+/// octave is not in [0, 255]: SIFT packs several numbers into it, unpack them first. The position is OpenCV's: that of its ORB is off
+/// by up to a pixel, see in_full_image() (camera/full_image_keypoint.hpp).
 inline keypoint from_opencv(const cv::KeyPoint& in, std::uint8_t camera = 0) {
   require(in.octave >= 0 && in.octave <= 255, "octave", in.octave,
           "must be a pyramid level in [0, 255]; OpenCV's SIFT packs more than the level into it");

@@ -1,0 +1,53 @@
+#!/usr/bin/env bash
+# SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+# SPDX-License-Identifier: Apache-2.0
+
+# usage: imu.sh TURBOMAP-SIMULATE TURBOMAP-REPLAY
+# Replays simulated recordings with their IMU, of which nothing but the samples is known: --imu --uninitialised. One camera and
+# two that shake: initialised within 15 s of motion, the scale right to 1 %. One camera that moves evenly: not initialised.
+set -eu -o pipefail
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+# 20 s of sines. TUM format: t x y z qx qy qz qw.
+awk 'BEGIN {
+  for (i = 0; i <= 400; ++i) {
+    t = 0.05 * i; w = 6.283185307
+    x = 0.5 * sin(w * t / 12) + 0.25 * sin(w * t / 2.3)
+    y = 0.4 * sin(w * t / 9 + 1) + 0.2 * sin(w * t / 1.9)
+    z = 0.15 * sin(w * t / 2.7 + 2)
+    a = 0.3 * sin(w * t / 7) / 2; b = 0.15 * sin(w * t / 3.3 + 1) / 2; c = 0.15 * sin(w * t / 2.9) / 2
+    printf "%.2f %.6f %.6f %.6f %.8f %.8f %.8f %.8f\n", 1000 + t, x, y, z, \
+      cos(a) * cos(b) * sin(c) - sin(a) * sin(b) * cos(c), cos(a) * sin(b) * cos(c) + sin(a) * cos(b) * sin(c), \
+      sin(a) * cos(b) * cos(c) - cos(a) * sin(b) * sin(c), cos(a) * cos(b) * cos(c) + sin(a) * sin(b) * sin(c)
+  }
+}' >"$work/shaken.tum"
+
+# replay NAME EXPECTED SIMULATE-ARGUMENTS...   EXPECTED: known, unknown
+replay() {
+  local name=$1 expected=$2
+  shift 2
+  "$simulate" "$@" --imu --uninitialised --out "$work/$name" >/dev/null
+  "$replayer" "$work/$name" --imu --no-bound --json "$work/$name.json" >/dev/null
+  awk -F '[:,]' -v name="$name" -v expected="$expected" '
+    /^  "(ate_rmse_m|ate_input_rmse_m|map_faults|scale_error)"/ { gsub(/[ "]/, "", $1); value[$1] = $2 + 0 }
+    /"not_initialised"/ { refused = 1 }
+    /"seconds"/ && !first { first = $2 + 0 }
+    function fail(why) { print "imu.sh: " name ": " why > "/dev/stderr"; failed = 1 }
+    END {
+      if (!("map_faults" in value) || value["map_faults"] != 0) fail("the map has faults")
+      if (expected == "unknown") {
+        if (!refused || first) fail("initialised without excitation")
+      } else {
+        if (refused || !(first > 0 && first <= 15)) fail("initialised after " first " s")
+        if (!("scale_error" in value) || value["scale_error"] > 0.01 || value["scale_error"] < -0.01)
+          fail("scale off by " value["scale_error"])
+        if (!(value["ate_rmse_m"] < 0.005)) fail("ATE " value["ate_rmse_m"])
+      }
+      exit failed
+    }' "$work/$name.json"
+}
+simulate=$1 replayer=$2
+replay mono known "$work/shaken.tum" --mono
+replay fisheye known "$work/shaken.tum" --camera tum-vi
+replay even unknown corridor --mono --keyframes 40
