@@ -23,11 +23,11 @@
 
 namespace turbomap_test {
 
-/// Calls `run(camera, recording, directory)` with each recording, the camera a default one of its model in float. Skips
-/// the running test case where data are not there.
+/// Calls `run(camera, recording, directory)` with each of these recordings, the camera a default one of its model in float.
+/// Skips the running test case where data are not there.
 template <class Run>
-void for_each_recording(const Run& run) {
-  for (const char* name : {"euroc_v102_stereo", "euroc_v102_inertial", "tum_room1_stereo", "tum_room1_inertial"}) {
+void for_each_recording(std::initializer_list<const char*> names, const Run& run) {
+  for (const char* name : names) {
     const auto directory = data(std::string("recordings/") + name);
     if (!directory) return;
     CAPTURE(std::string(name));
@@ -37,6 +37,11 @@ void for_each_recording(const Run& run) {
     else
       run(turbomap::pinhole<float>{}, r, *directory);
   }
+}
+
+template <class Run>
+void for_each_recording(const Run& run) {
+  for_each_recording({"euroc_v102_stereo", "euroc_v102_inertial", "tum_room1_stereo", "tum_room1_inertial"}, run);
 }
 
 /// The recorded problems of a recording end where the peer's did.
