@@ -109,6 +109,7 @@ int main() {
     mapper.insert(&k, static_cast<const my::KeyFrame&>(k));
     const turbomap::mapping_report& report = mapper.process(&k);
     k.waiting = false;
+    imu.set_bias(inertial::bias(map, &k));  // tracking goes on with what mapping found
     culled += report.keyframes_culled.size(), edges += report.adjustment.inertial_edges;
     const auto off = inertial::velocity(map, &k) - velocity(t);
     std::printf("keyframe %2d: %zu inertial edges, %zu keyframes culled, velocity off by %.3f m/s, %.1f ms\n", n,

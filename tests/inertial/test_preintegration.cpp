@@ -319,6 +319,12 @@ TEST_CASE("a new bias is taken by the derivatives, or by integrating again") {
   imu.advance(m.t_ns[200]);
   const auto longer = preintegrate(m.samples(), find_interval(m.samples(), m.t_ns[2], m.t_ns[200]), far, {});
   CHECK(difference(imu.value(), longer) < 1e-11);
+
+  imu.restart(m.t_ns[200]);  // no motion to keep: the next one is at the new bias, near as it may be
+  const imu_bias<double> near{{0.051, -0.02, 0}, {0, 0.01, 0.4}};
+  CHECK_FALSE(imu.set_bias(near));
+  CHECK(turbomap::same_bias(imu.advance(m.t_ns[220]).bias, near));
+  CHECK_THROWS_AS(imu.set_bias({{NAN, 0, 0}, {}}), std::invalid_argument);
 }
 
 TEST_CASE("faulty data are refused by name and value") {

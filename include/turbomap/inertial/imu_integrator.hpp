@@ -80,10 +80,14 @@ class imu_integrator {
   }
 
   /// Takes a new estimate of the bias. Where it is far from the old one (preintegration_options), the motion since
-  /// restart() is integrated again; otherwise it stays, and corrected() takes it there. Returns whether it was
-  /// integrated again.
+  /// restart() is integrated again; otherwise it stays, and corrected() takes it there. Where there is no motion yet, it is
+  /// the bias of the next one. Returns whether it was integrated again.
   bool set_bias(const imu_bias<S>& bias) {
     detail::check_bias("bias", bias);
+    if (history_.pieces.empty()) {
+      value_.bias = bias;
+      return false;
+    }
     if (!needs_integration(value_, bias, options_)) return false;
     value_ = preintegrate(history_, bias, options_);
     return true;
