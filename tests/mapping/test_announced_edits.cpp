@@ -67,7 +67,13 @@ template <class Map>
 struct stereo_run {
   mapping_case<pinhole_camera> c = stereo_case(noisy(3));
   mapping_scene<pinhole_camera> scene{c.rig, noisy(3)};
-  mapping_run<Map, sequential> run{scene, c.options};
+  mapping_run<Map, sequential> run;
+
+  explicit stereo_run(bool strict = false) : run(scene, with(c.options, strict)) {}
+  static turbomap::local_mapper_options with(turbomap::local_mapper_options options, bool strict) {
+    options.strict = strict;
+    return options;
+  }
 };
 
 template <bool Mirrored>
@@ -102,16 +108,25 @@ TEST_CASE("what is announced under the guard has happened, and all of it is") { 
 TEST_CASE("the same of a map that is mirrored") { check_announced<true>(); }
 
 template <bool Mirrored>
-void check_short_descriptors() {
-  stereo_run<announcing_map<Mirrored>> r;
+void check_short_descriptors(bool strict) {
+  stereo_run<announcing_map<Mirrored>> r(strict);
   for (int n = 0; n < 4; ++n) r.run.step();
   for (const std::size_t bytes : {0, 31}) {
     r.run.map.descriptor_bytes = bytes;
     r.run.mapper.refresh();
-    CHECK_THROWS_AS(r.run.mapper.fuse_around(r.run.keyframes().back()), std::invalid_argument);
+    if (strict)
+      CHECK_THROWS_AS(r.run.mapper.fuse_around(r.run.keyframes().back()), turbomap::inconsistent_map);
+    else
+      CHECK(r.run.mapper.fuse_around(r.run.keyframes().back()).merged == 0);
     std::vector<turbomap::map_point_id> points;
     turbomap::map_traits<flat_map>::for_each_point(r.run.map, [&](turbomap::map_point_id p) { points.push_back(p); });
-    CHECK_THROWS_AS(r.run.mapper.update_geometry(points), std::invalid_argument);
+    if (strict)
+      CHECK_THROWS_AS(r.run.mapper.update_geometry(points), turbomap::inconsistent_map);
+    else
+      CHECK_NOTHROW(r.run.mapper.update_geometry(points));
+    std::size_t told = 0;
+    for (const auto& v : r.run.mapper.report().refused) told += v.fault == turbomap::map_fault::no_descriptor ? 1 : 0;
+    CHECK(told == (strict ? 0 : points.size()));
     CHECK(turbomap::validate(r.run.map).empty());
   }
   r.run.map.descriptor_bytes = 32;
@@ -120,9 +135,12 @@ void check_short_descriptors() {
   CHECK(turbomap::validate(r.run.map).empty());
 }
 
-TEST_CASE("points whose descriptor is missing or too short are refused") {
-  check_short_descriptors<false>();
-  check_short_descriptors<true>();
+TEST_CASE(
+    "points whose descriptor is missing or too short are passed over and reported, or thrown where that is asked for") {
+  for (const bool strict : {false, true}) {
+    check_short_descriptors<false>(strict);
+    check_short_descriptors<true>(strict);
+  }
 }
 
 template <class Map>

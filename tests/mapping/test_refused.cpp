@@ -94,6 +94,8 @@ std::vector<spoiler> spoilers() {
          r.run.map.invented.insert({r.a_point(r.run.keyframes()[3]).index, {r.run.keyframes()[2], 1000000}});
        },
        truth},
+      {"a point without descriptor", map_fault::no_descriptor,
+       [](lying_run& r) { r.run.map.bare.insert(r.a_point(r.run.keyframes()[3]).index); }, truth},
   };
 }
 

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <map>
+#include <set>
 #include <sstream>
 #include <string>
 #include <tuple>
@@ -31,9 +32,10 @@ struct lying_map : flat_map {
       invented;                                          ///< further views of a point
   std::map<std::pair<std::int32_t, view>, bool> hidden;  ///< views that are not told
   std::map<std::int32_t, std::vector<std::uint32_t>> counts;
+  std::set<std::int32_t> bare;  ///< points of which no descriptor is told
   mutable int writes = 0;
 
-  void tell_the_truth() { slots.clear(), invented.clear(), hidden.clear(), counts.clear(); }
+  void tell_the_truth() { slots.clear(), invented.clear(), hidden.clear(), counts.clear(), bare.clear(); }
 };
 
 }  // namespace turbomap_test
@@ -54,6 +56,9 @@ struct turbomap::map_traits<turbomap_test::lying_map> : turbomap::map_traits<tur
     });
     const auto [begin, end] = m.invented.equal_range(p.index);
     for (auto at = begin; at != end; ++at) f(at->second.first, at->second.second);
+  }
+  static const element* descriptor_data(const map& m, point p) {
+    return m.bare.count(p.index) != 0 ? nullptr : base::descriptor_data(m, p);
   }
   static turbomap::span<const std::uint32_t> octave_counts(const map& m, point p) {
     const auto lie = m.counts.find(p.index);

@@ -29,7 +29,8 @@ enum class map_fault : std::uint8_t {
   bad_pose,                  ///< a pose that is not finite, or whose quaternion is not of unit length: see is_pose()
   position_not_finite,       ///< a position that is not finite
   bad_inertial_state,        ///< a velocity or a bias of the IMU that is not finite
-  bad_motion                 ///< a preintegration that is not finite, or of other keyframes: its duration is not theirs
+  bad_motion,                ///< a preintegration that is not finite, or of other keyframes: its duration is not theirs
+  no_descriptor              ///< a point without descriptor, or with one of too few elements
 };
 
 inline const char* to_string(map_fault fault) {
@@ -58,6 +59,8 @@ inline const char* to_string(map_fault fault) {
       return "a velocity or a bias of the IMU that is not finite";
     case map_fault::bad_motion:
       return "a preintegration that is not finite, or does not last as long as its keyframes are apart";
+    case map_fault::no_descriptor:
+      return "a point without descriptor, or with one of too few elements";
   }
   return "";
 }

@@ -14,7 +14,6 @@
 #include "../config.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/numbering.hpp"
-#include "../map/point_descriptor.hpp"
 #include "../map/read_ahead.hpp"
 #include "../map/validate.hpp"
 #include "../plain_vector.hpp"
@@ -41,8 +40,8 @@ class appearance_update {
   /// \param points  those to be updated; dead ones, unobserved ones and repetitions are passed over, and so are observers
   ///                that are not in the store
   /// \return how many were
-  /// \throws inconsistent_map  a view by a keyframe or keypoint that is not there, a position that is not finite, unless the
-  ///         scope notes faults: then such views and points are passed over
+  /// \throws inconsistent_map  a view by a keyframe or keypoint that is not there, a position that is not finite, a point
+  ///         that is to keep its descriptor and has none, unless the scope notes faults: then they are passed over
   /// A point whose position or observations change meanwhile keeps what fits the snapshot; whoever changed it updates it.
   std::size_t operator()(const scope& s, span<const point> points, const appearance_options& options) {
     snapshot(s, points);
@@ -125,7 +124,9 @@ class appearance_update {
       write(descriptors_.data() + i * static_cast<std::size_t>(descriptor::elements));
     } else {
       const auto& given = traits::descriptor_data(s.map, p);
-      write(detail::point_descriptor(s.map, p, given));
+      const auto* const kept = detail::elements_of<descriptor>(given);
+      if (kept == nullptr) return s.faults({map_fault::no_descriptor, 0, traits::id(s.map, p), 0});
+      write(kept);
     }
     if constexpr (detail::map_has_v<Map, detail::map_covariance_member>)
       if (options.covariance) traits::set_covariance(s.map, p, u.covariance);

@@ -87,7 +87,7 @@ class duplicate_fusion {
         {
           const auto guard = s.guard();
           snapshot_.clear(options.covariances);
-          for (const point& p : points) snapshot_.add_point(s.map, p);
+          for (const point& p : points) snapshot_.add_point(s.map, p, s.faults);
           snapshot_targets(s, span<const keyframe>(&target, 1));
         }
         compute_covariances(s, options);
@@ -108,7 +108,7 @@ class duplicate_fusion {
   void snapshot_points(const scope& s, span<const keyframe> sources, const fusion_options& options) {
     snapshot_.clear(options.covariances);
     for (const keyframe& k : sources)
-      if (traits::alive(s.map, k)) snapshot_.add_points_of(s.map, k);
+      if (traits::alive(s.map, k)) snapshot_.add_points_of(s.map, k, s.faults);
   }
   /// Live targets with their poses, and which of them see the points. The caller holds the guard.
   void snapshot_targets(const scope& s, span<const keyframe> targets) {

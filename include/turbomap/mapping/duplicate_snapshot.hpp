@@ -13,7 +13,6 @@
 #include "../fusion/duplicate_options.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/numbering.hpp"
-#include "../map/point_descriptor.hpp"
 #include "../map/read_ahead.hpp"
 #include "../map/validate.hpp"
 #include "../plain_vector.hpp"
@@ -39,16 +38,17 @@ class duplicate_snapshot {
     positions_.clear(), normals_.clear(), min_distances_.clear(), max_distances_.clear(), descriptors_.clear();
     covariances_.clear();
   }
-  /// Takes in the live points of a keyframe, in the order of its keypoints, each point once. O(keypoints).
-  void add_points_of(const Map& map, keyframe k) {
+  /// Takes in the live points of a keyframe, in the order of its keypoints, each point once. `faults` is told of
+  /// those that have no descriptor: they are left out. O(keypoints).
+  void add_points_of(const Map& map, keyframe k, fault_sink faults = {}) {
     for_each_slot_ahead<point_data::entry + point_data::appearance>(
-        map, k, [&](std::size_t, const point& p) { add_point(map, p); });
+        map, k, [&](std::size_t, const point& p) { add_point(map, p, faults); });
   }
   /// Takes in one point if it is alive, the first time that it is named.
-  void add_point(const Map& map, point p) {
+  void add_point(const Map& map, point p, fault_sink faults = {}) {
     if (p == point{} || !traits::alive(map, p)) return;
     const std::size_t known = seen_.size();
-    if (seen_.place(map, p) == known) add(map, p);
+    if (seen_.place(map, p) == known) add(map, p, faults);
   }
   /// Notes which targets see the points already. `faults` is told of views by keypoints that the target does not have.
   /// O(views of all points).
@@ -118,7 +118,8 @@ class duplicate_snapshot {
       return faults({map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, points_[p]), keypoint});
     observed_.push_back({target, keypoint_of(map, k, keypoint).camera, p});
   }
-  void add(const Map& map, point p) {
+  void add(const Map& map, point p, fault_sink faults) {
+    if (!add_descriptor(map, p)) return faults({map_fault::no_descriptor, 0, traits::id(map, p), 0});
     points_.push_back(p);
     const auto& position = traits::position(map, p);
     positions_.push_back({position.x, position.y, position.z});
@@ -127,8 +128,12 @@ class duplicate_snapshot {
     max_distances_.push_back(traits::max_distance(map, p));
     if constexpr (detail::map_has_v<Map, detail::map_covariance_member>)
       if (keeps_covariances_) covariances_.push_back(traits::covariance(map, p));
-    const auto& given = traits::descriptor_data(map, p);
-    descriptors_.append(detail::point_descriptor(map, p, given), descriptor::elements);
+  }
+  bool add_descriptor(const Map& map, point p) {
+    const auto& given = traits::descriptor_data(map, p);  // valid until the next call
+    const auto* const elements = detail::elements_of<descriptor>(given);
+    if (elements != nullptr) descriptors_.append(elements, descriptor::elements);
+    return elements != nullptr;
   }
 
   point_numbering<Map> seen_;

@@ -24,7 +24,6 @@
 #include "../map/map_edit.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/observation_counts.hpp"
-#include "../map/point_descriptor.hpp"
 #include "../map/simple_map/map_ids.hpp"
 #include "../map/simple_map/observation_pool.hpp"
 #include "../plain_vector.hpp"
@@ -250,6 +249,7 @@ class map_mirror {
     keyframe reference = {};
     point replacement = {};
     std::uint8_t read = 0;
+    bool described = false;  ///< the user's map has a descriptor of it
   };
   struct range {
     float min = 0, max = 0;
@@ -422,8 +422,9 @@ class map_mirror {
     ranges_[p] = {user_traits::min_distance(map_, name), user_traits::max_distance(map_, name)};
     if constexpr (has_covariances) covariances_[p] = user_traits::covariance(map_, name);
     const auto& given = user_traits::descriptor_data(map_, name);
-    const element* const d = detail::point_descriptor(map_, name, given);
-    for (std::size_t e = 0; e < elements; ++e) descriptors_[p * elements + e] = d[e];
+    const element* const d = detail::elements_of<descriptor>(given);
+    points_[p].described = d != nullptr;
+    for (std::size_t e = 0; d != nullptr && e < elements; ++e) descriptors_[p * elements + e] = d[e];
     points_[p].reference = number(user_traits::reference(map_, name));
     read_list(p, name);
     points_[p].read = 1;

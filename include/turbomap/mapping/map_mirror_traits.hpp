@@ -101,12 +101,14 @@ struct map_traits<map_mirror<Map>> {
   static float min_distance(const mirror& m, point p) { return m.ensure(p), m.ranges_[m.at(p)].min; }
   static float max_distance(const mirror& m, point p) { return m.ensure(p), m.ranges_[m.at(p)].max; }
   static const element* descriptor_data(const mirror& m, point p) {
-    return m.ensure(p), m.descriptors_.data() + m.at(p) * mirror::elements;
+    m.ensure(p);
+    return of(m, p).described ? m.descriptors_.data() + m.at(p) * mirror::elements : nullptr;
   }
   static void set_appearance(mirror& m, point p, const vec3<float>& normal, float min, float max, const element* d) {
     const std::size_t i = m.at(p);
     user::set_appearance(m.map(), m.name(p), normal, min, max, d);
     m.normals_[i] = normal, m.ranges_[i] = {min, max};
+    of(m, p).described = true;
     element* const own = m.descriptors_.data() + i * mirror::elements;
     for (std::size_t e = 0; e < mirror::elements; ++e) own[e] = d[e];
   }
@@ -188,7 +190,7 @@ struct map_traits<map_mirror<Map>> {
     }
     const point p = m.point_at(place);
     auto& entry = of(m, p);
-    entry.read = 1, entry.reference = reference;
+    entry.read = 1, entry.described = true, entry.reference = reference;
     m.read_position(m.at(p), name);
     m.normals_[m.at(p)] = {}, m.ranges_[m.at(p)] = {};
     if constexpr (mirror::has_covariances) m.covariances_[m.at(p)] = user::covariance(m.map(), name);
