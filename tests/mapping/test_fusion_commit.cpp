@@ -214,6 +214,34 @@ TEST_CASE("keypoints that are as near as their noise may be one") {
   }
 }
 
+TEST_CASE("points that are known to lie apart are not one") {
+  using traits = turbomap::map_traits<flat_map>;
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  // 0.1 m apart along x, 1 m along z, where a variance is 100 times as large.
+  const auto fuse = [&](float sigma_a, float sigma_b, merge_rule rule, double chi2 = 16.27) {
+    fusion<flat_map> f(3, 2);
+    f.see(0, 0, 0), f.see(0, 1, 0), f.see(1, 2, 0);
+    traits::set_position(f.map, f.p[0], {1, 2, 5}), traits::set_position(f.map, f.p[1], {1.1, 2, 6});
+    const auto known = [](float s) { return turbomap::point_covariance{s * s, 0, s * s, 0, 0, s * 100 * s}; };
+    traits::set_covariance(f.map, f.p[0], known(sigma_a)), traits::set_covariance(f.map, f.p[1], known(sigma_b));
+    turbomap::merge_tolerance tolerance;
+    tolerance.position_chi2 = chi2;
+    std::vector<std::pair<turbomap::map_keyframe_id, std::size_t>> scratch;
+    return turbomap::merge_points(f.map, f.p[1], f.p[0], rule, scratch, tolerance);
+  };
+  const auto apart = merge_rule::refuse_apart;
+  // (0.01 + 1 / 100) / (2 sigma^2) is 16.27 at sigma = 0.02479.
+  CHECK(fuse(0.0249F, 0.0249F, apart));
+  CHECK_FALSE(fuse(0.0247F, 0.0247F, apart));
+  CHECK(fuse(0.05F, 0.001F, apart));  // one that is known badly may be the other
+  CHECK_FALSE(fuse(0.03F, 0.001F, apart));
+  CHECK(fuse(0.001F, 0.001F, apart, 0));
+  CHECK(fuse(0.001F, 0.001F, merge_rule::drop));
+  CHECK(fuse(0.001F, 0.001F, merge_rule::refuse));  // of keypoints only
+  CHECK(fuse(0, 0.001F, apart));                    // nobody knows
+  CHECK(fuse(nan, 0.001F, apart));
+}
+
 TEST_CASE("bad plans and options are refused with the map as it was") {
   fusion<flat_map> f(2, 2);
   f.see(0, 0, 0);
@@ -233,6 +261,7 @@ TEST_CASE("bad plans and options are refused with the map as it was") {
   o.tolerance.chi2 = -1, refuses();
   o.tolerance.chi2 = std::numeric_limits<double>::quiet_NaN(), refuses();
   o.tolerance.scale_factor = 0.9F, refuses();
+  o.tolerance.position_chi2 = -1, refuses();
   CHECK(everything(f.map) == before);
   CHECK(f.commit.touched().empty());
   try {

@@ -16,7 +16,9 @@
 #include <utility>
 
 #include "../config.hpp"
+#include "../math/linear.hpp"
 #include "../math/strict.hpp"
+#include "../math/symmetric3.hpp"
 #include "map_traits.hpp"
 #include "merge_rule.hpp"
 #include "observation_counts.hpp"
@@ -185,6 +187,27 @@ bool seen_apart(const Map& map, typename map_traits<Map>::point a, typename map_
   return apart;
 }
 
+/// Whether two points lie apart by what the map knows of them: (a - b)^T (Sigma_a + Sigma_b)^-1 (a - b) > tolerance.position_chi2.
+/// False where it keeps no covariances, or one of these is 0: then nobody knows.
+template <class Map>
+bool known_apart([[maybe_unused]] const Map& map, [[maybe_unused]] typename map_traits<Map>::point a,
+                 [[maybe_unused]] typename map_traits<Map>::point b,
+                 [[maybe_unused]] const merge_tolerance& tolerance) {
+  if constexpr (detail::map_has_v<Map, detail::map_covariance_member>) {
+    using traits = map_traits<Map>;
+    using S = strict<double>;
+    if (!(tolerance.position_chi2 > 0)) return false;
+    const auto A = to_symmetric<S>(traits::covariance(map, a)), B = to_symmetric<S>(traits::covariance(map, b));
+    const S zero(0), of_a = A.xx + A.yy + A.zz, of_b = B.xx + B.yy + B.zz;
+    if (!(of_a > zero && of_b > zero)) return false;
+    const S rounding(1e-6);  // covariances are kept in float
+    const vec3<S> apart = cast<S>(traits::position(map, a)) - cast<S>(traits::position(map, b));
+    return squared_norm(solve_lower(cholesky(A + B, rounding * (of_a + of_b)), apart)) > S(tolerance.position_chi2);
+  } else {
+    return false;
+  }
+}
+
 /// `from` becomes `into`: its observations move over, it is retired with `into` as its replacement. False, and nothing is
 /// changed, when the rule refuses; under merge_rule::refuse no observation is ever lost. `scratch` is reused memory; it grows,
 /// and room for the observations is made (reserve_observations of the traits), before anything is changed.
@@ -193,7 +216,8 @@ bool merge_points(Map& map, typename map_traits<Map>::point from, typename map_t
                   Views& scratch, const merge_tolerance& tolerance = {}) {
   using traits = map_traits<Map>;
   if (from == into || (rule == merge_rule::refuse && seen_apart(map, from, into)) ||
-      (rule == merge_rule::refuse_apart && seen_apart(map, from, into, tolerance)))
+      (rule == merge_rule::refuse_apart &&
+       (seen_apart(map, from, into, tolerance) || known_apart(map, from, into, tolerance))))
     return false;
   scratch.clear();
   traits::for_each_observation(map, from, [&](typename traits::keyframe observer, std::size_t keypoint) {

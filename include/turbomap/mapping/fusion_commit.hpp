@@ -12,7 +12,8 @@
 /// 4. The keypoint has a live point B, held since before the search or given to it by an earlier entry: A and B are
 ///    one. The one with more measurements survives, A when they are equal, and takes over all observations.
 /// 5. But some camera sees A and B apart, at two keypoints: they are not one (conflict; merge_rule::refuse), or the
-///    keypoint of the one that goes is left empty (merge_rule::drop).
+///    keypoint of the one that goes is left empty (merge_rule::drop). merge_rule::refuse_apart decides by how far apart, and
+///    also refuses where the covariances of A and B say that they lie apart.
 /// So when A merges into B while C claims the same keypoint, C is compared with the survivor, whichever came first in
 /// the plan. No observation is lost under merge_rule::refuse.
 
@@ -81,6 +82,8 @@ class fusion_commit {
                             fault_sink faults = {}) {
     static_assert(require_map_traits<Map>());
     require(options.tolerance.chi2 >= 0, "options.tolerance.chi2", options.tolerance.chi2, "must not be negative");
+    require(options.tolerance.position_chi2 >= 0, "options.tolerance.position_chi2", options.tolerance.position_chi2,
+            "must not be negative");
     require(options.tolerance.scale_factor >= 1, "options.tolerance.scale_factor", options.tolerance.scale_factor,
             "must be at least 1");
     actions_.assign(plan.size(), fusion_action::none);
