@@ -86,7 +86,7 @@ class adjustment_window {
     if (named != 0) hold_something(named);
   }
   void clear() {
-    frames_.clear(), fixed_.clear();
+    frames_.clear(), fixed_.clear(), keypoint_counts_.clear();
     point_numbers_.clear(), points_.clear(), positions_.clear();
     rows_frame_.clear(), rows_landmark_.clear(), rows_keypoint_.clear();
   }
@@ -117,7 +117,10 @@ class adjustment_window {
   /// \return its number, or id_table::none when it is not in the store
   std::size_t add_frame(const Map& map, const handle_table& stored, keyframe k, bool hold, fault_sink faults) {
     const std::size_t known = frames_.size(), at = frames_.place(map, k, stored, faults);
-    if (at == known) fixed_.push_back(hold || is_origin(map, k) || !traits::alive(map, k) ? 1 : 0);
+    if (at == known) {
+      fixed_.push_back(hold || is_origin(map, k) || !traits::alive(map, k) ? 1 : 0);
+      keypoint_counts_.push_back(keypoint_count_of(map, k));
+    }
     return at;
   }
   /// Takes in a point that is alive, has a position and is not there yet. \return whether it was
@@ -134,7 +137,7 @@ class adjustment_window {
     return true;
   }
   void add_row(const Map& map, std::size_t f, std::size_t number, std::size_t keypoint, fault_sink faults) {
-    if (keypoint >= keypoint_count_of(map, frames_[f]))
+    if (keypoint >= keypoint_counts_[f])
       return faults({map_fault::keypoint_out_of_range, frames_.ids()[f], traits::id(map, points_[number]), keypoint});
     rows_frame_.push_back(static_cast<std::int32_t>(f));
     rows_landmark_.push_back(static_cast<std::int32_t>(number));
@@ -142,20 +145,21 @@ class adjustment_window {
   }
   /// \param hold  keyframes that come in with them are fixed; else only the origin is
   void add_points_of(const Map& map, const handle_table& stored, std::size_t f, bool hold, fault_sink faults) {
-    for_each_ahead<point_data::entry + point_data::views>(
-        map, keypoint_count_of(map, frames_[f]),
-        [&](std::size_t i) {
-          const point p = traits::point_at(map, frames_[f], i);
-          return is_placed(map, p) ? point{} : p;  // most are: keyframes of a window share their points
-        },
-        [&](std::size_t, const point& p) { add_point(map, stored, p, hold, faults); });
-  }
-  /// Whether a look into an array tells that the point is there.
-  bool is_placed([[maybe_unused]] const Map& map, [[maybe_unused]] const point& p) const {
-    if constexpr (point_numbering<Map>::indexed)
-      return !(p == point{}) && point_numbers_.find(map, p) != id_table::none;
-    else
-      return false;
+    const auto add = [&](std::size_t, const point& p) { add_point(map, stored, p, hold, faults); };
+    if constexpr (point_numbering<Map>::indexed) {
+      // Most are placed: keyframes of a window share their points. A look into an array tells.
+      const std::size_t keypoints = keypoint_count_of(map, frames_[f]);
+      unplaced_.resize(keypoints);
+      std::size_t count = 0;
+      for (std::size_t i = 0; i < keypoints; ++i) {
+        const point p = unplaced_[count] = traits::point_at(map, frames_[f], i);
+        count += p == point{} || point_numbers_.find(map, p) != id_table::none ? 0 : 1;
+      }
+      for_each_ahead<point_data::entry + point_data::views>(
+          map, count, [&](std::size_t i) { return unplaced_[i]; }, add);
+    } else {
+      for_each_slot_ahead<point_data::entry + point_data::views>(map, frames_[f], add);
+    }
   }
   void add_point(const Map& map, const handle_table& stored, point p, bool hold, fault_sink faults) {
     std::size_t number;
@@ -176,6 +180,7 @@ class adjustment_window {
 
   keyframe_selection<Map> frames_;
   plain_vector<std::uint8_t> fixed_;
+  plain_vector<std::size_t> keypoint_counts_;  ///< by frame
   point_numbering<Map> point_numbers_;
   list_of<point> points_;
   plain_vector<vec3<double>> positions_;
@@ -183,6 +188,7 @@ class adjustment_window {
 
  private:
   covisibility<Map> covisibility_;
+  list_of<point> unplaced_;
 };
 
 TURBOMAP_END_NAMESPACE

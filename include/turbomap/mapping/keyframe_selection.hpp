@@ -35,9 +35,9 @@ class keyframe_selection {
   /// so not to be searched yet, or has no pose that can be used, which `faults` is told. The caller holds the guard.
   /// Throws std::bad_alloc.
   std::size_t place(const Map& map, keyframe k, const handle_table& stored, fault_sink faults = {}) {
-    const std::uint64_t id = traits::id(map, k);
     const std::size_t known = numbers_.find(map, k);
     if (known != id_table::none) return known;
+    const std::uint64_t id = traits::id(map, k);
     keyframe_handle handle;
     if (!stored.find(id, handle)) return id_table::none;
     const auto T_cw = pose_of(map, k);
