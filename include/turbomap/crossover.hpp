@@ -36,6 +36,7 @@ struct crossover {
   double least[work_kinds] = {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity(),
                               std::numeric_limits<double>::infinity()};
 
+  /// Where so much work of a kind is to run.
   work_side side(work_kind kind, double amount) const {
     return amount >= least[static_cast<std::size_t>(kind)] ? work_side::device : work_side::host;
   }
