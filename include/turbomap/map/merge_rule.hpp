@@ -23,7 +23,8 @@ enum class merge_rule : std::uint8_t {
 /// sigma2 = scale_factor^(2 octave) px^2.
 struct merge_tolerance {
   double chi2 = 5.991;  ///< 95 %, 2 dof
-  /// Of points whose covariances the map keeps: largest squared distance, by the sum of both. 99.9 %, 3 dof. 0: any.
+  /// Of points whose covariances the map keeps: largest squared distance, by the sum of both. 99.9 %, 3 dof. 0: any. For
+  /// positions that fit all their views best: without adjustment they do not, and true duplicates are refused.
   double position_chi2 = 16.27;
   float scale_factor = pyramid{}.scale_factor;
 };
