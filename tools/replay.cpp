@@ -127,6 +127,9 @@ int main(int argc, char** argv) try {
                  "(host policies, replay mode)")
       ->check(CLI::IsMember({"simple", "objects"}));
   app.add_flag("--imu", a.imu, "use the recording's IMU, initialised from its samples (host policies, replay mode)");
+  app.add_option("--imu-noise", a.imu_noise,
+                 "with --imu: its noise densities, times those of the recording; above 1 where it vibrates")
+      ->check(CLI::Range(1e-3, 1e3));
   app.add_flag("--pixel-centres", a.pixel_centres,
                "move recorded keypoints of coarser levels to where they are in the full image (replay mode)");
   app.add_flag("--check", a.check, "compare every stage with the recorded snapshots; exit status 1 when one differs");

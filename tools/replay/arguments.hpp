@@ -30,6 +30,7 @@ struct arguments {
   std::string policy = "seq";
   bool objects = false;             ///< the map is one of objects, as in the field; else a simple_map. Replay mode
   bool imu = false;                 ///< the recording's IMU takes part. Replay mode
+  double imu_noise = 1;             ///< noise densities of the recording's IMU are multiplied by
   bool pixel_centres = false;       ///< recorded keypoints are taken to the full image. Replay mode
   std::vector<std::string> beside;  ///< more policies that the recording is replayed under
   bool bound = true;                ///< of a simulated recording: the error of the batch adjustment is computed

@@ -110,7 +110,7 @@ struct no_imu {
   using keyframe = typename turbomap::map_traits<Map>::keyframe;
   using adjustment = turbomap::local_adjustment<Map, Policy, turbomap::every_adjustment_method>;
 
-  no_imu(const turbomap::recording&, turbomap::context<Policy>&, Map&) {}
+  no_imu(const turbomap::recording&, const arguments&, turbomap::context<Policy>&, Map&) {}
   void arrived(Map&, const keyframe&, std::int32_t) {}
   void tracked(Map&, const keyframe&) {}
   template <class Mapper, class Scope>
@@ -146,7 +146,7 @@ class replayer {
         local_map_(ctx_),
         judge_(recording, ctx_),
         points_(recording),
-        imu_(recording, ctx_, world_.map()),
+        imu_(recording, arguments, ctx_, world_.map()),
         mapper_(ctx_, world_.map(), store_, mapper_options(recording, arguments), hooks()) {}
   replayer(const replayer&) = delete;
   replayer& operator=(const replayer&) = delete;

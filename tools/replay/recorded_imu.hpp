@@ -23,6 +23,7 @@
 #include <turbomap/mapping/inertial_adjustment.hpp>
 #include <turbomap/mapping/inertial_initialisation.hpp>
 
+#include "arguments.hpp"
 #include "stage_times.hpp"
 
 namespace turbomap_replay {
@@ -43,8 +44,10 @@ class recorded_imu {
   using keyframe = typename traits::keyframe;
   using adjustment = turbomap::inertial_adjustment<Map, Policy, turbomap::every_adjustment_method>;
 
-  recorded_imu(const turbomap::recording& recording, turbomap::context<Policy>& ctx, Map& map)
+  recorded_imu(const turbomap::recording& recording, const arguments& arguments, turbomap::context<Policy>& ctx,
+               Map& map)
       : recording_(recording), options_(imu_options(recording.meta)), schedule_(is_monocular()), adjust_(ctx) {
+    options_.noise.gyro *= arguments.imu_noise, options_.noise.acceleration *= arguments.imu_noise;
     if (!recording.has_imu()) throw std::invalid_argument("--imu: the recording has no samples of an IMU");
     map.set_imu(turbomap::normalised(turbomap::cast<double>(recording.meta.T_bc)), options_);
     map.set_refined(false);
