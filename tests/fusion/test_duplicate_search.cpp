@@ -51,6 +51,7 @@ TEST_CASE("other thresholds") {
   duplicate_options options;
   options.radius = 11, options.min_view_cosine = 0.8, options.min_range_factor = 1, options.max_range_factor = 2;
   options.mono_chi2 = 20, options.stereo_chi2 = 3, options.max_distance = 20;
+  options.finer_octaves = 2, options.coarser_octaves = 1;
   duplicate_recipe recipe = seeded(100);
   recipe.scale_factor = 1.5F, recipe.levels = 4;
   check_duplicate_tally(check_scenes(sequential{}, pinhole_rig(50), recipe, options), 5);
@@ -279,6 +280,19 @@ TEST_CASE("the octave is the least that reaches the distance, within the pyramid
     h.options.range_gate = false;
     CHECK(h.outcome() == duplicate_outcome::matched);
     CHECK(h.find().level == -1);
+  }
+}
+
+TEST_CASE("octaves around the predicted one are asked for") {
+  for (const auto& [octave, consistent] : {std::pair{0, true}, {1, true}, {2, true}, {3, true}, {4, false}}) {
+    by_hand h;
+    h.s.max_distance[0] = 16;  // octave 2
+    h.options.finer_octaves = 2, h.options.coarser_octaves = 1;
+    h.add(64, 64, octave, 3);
+    CHECK(h.find().level == 2);
+    CHECK(h.outcome() == (consistent ? duplicate_outcome::matched : duplicate_outcome::no_consistent_keypoint));
+    h.options.finer_octaves = h.options.coarser_octaves = 0;
+    CHECK((h.outcome() == duplicate_outcome::matched) == (octave == 2));
   }
 }
 

@@ -131,6 +131,8 @@ TEST_CASE("bad options are refused by name, and the last result stays") {
     in.refused("options.scales.scale_factor = ", [&](auto& b) { b.options.scales.scale_factor = v; });
   for (const int v : {-1, 0, 257})
     in.refused("options.scales.levels = ", [&](auto& b) { b.options.scales.levels = v; });
+  in.refused("options.finer_octaves = -1", [](auto& b) { b.options.finer_octaves = -1; });
+  in.refused("options.coarser_octaves = -1", [](auto& b) { b.options.coarser_octaves = -1; });
   for (const int v : {-1, 8}) in.refused("options.window_octave = ", [&](auto& b) { b.options.window_octave = v; });
 }
 

@@ -168,6 +168,27 @@ TEST_CASE_TEMPLATE("poses, points, outliers and deaths are the oracle's", Policy
   }
 }
 
+TEST_CASE("outliers are beyond the factor, which changes nothing else") {
+  local_recipe recipe;
+  recipe.pixel_noise = 1;
+  local_scene<flat_map> narrow(recipe), wide(recipe), endless(recipe);
+  local_adjustment_options options;
+  options.mono_chi2 = options.stereo_chi2 = 1;  // many outliers
+  const auto taken = adjust_around(sequential{}, narrow, 6, options);
+  options.outlier_factor = 4;
+  const auto fewer = adjust_around(sequential{}, wide, 6, options);
+  options.outlier_factor = 1e300;
+  const auto none = adjust_around(sequential{}, endless, 6, options);
+  CHECK(taken.outliers > 2 * fewer.outliers);
+  CHECK(fewer.outliers > 0);
+  CHECK(none.outliers == 0);
+  CHECK(taken.solve.cost_final == none.solve.cost_final);
+  for (std::size_t k = 0; k < narrow.keyframes.size(); ++k)
+    for (std::size_t i = 0; i < turbomap::map_traits<flat_map>::keypoint_count(narrow.map, narrow.keyframes[k]); ++i)
+      if (wide.map.point_at(wide.keyframes[k], i) == turbomap::map_point_id{})  // then for the narrow gate too
+        CHECK(narrow.map.point_at(narrow.keyframes[k], i) == turbomap::map_point_id{});
+}
+
 template <class Map>
 void check_truth_is_found(bool two_rigs) {
   using traits = turbomap::map_traits<Map>;
@@ -532,6 +553,8 @@ TEST_CASE("bad input is refused by name, and the map stays") {
   check_refused(s, with([](auto& o) { o.mono_chi2 = 0; }), "options.mono_chi2 = 0");
   check_refused(s, with([](auto& o) { o.mono_chi2 = nan_value; }), "options.mono_chi2");
   check_refused(s, with([](auto& o) { o.stereo_chi2 = -1; }), "options.stereo_chi2 = -1");
+  for (const double v : {0.0, -1.0, nan_value})
+    check_refused(s, with([v](auto& o) { o.outlier_factor = v; }), "options.outlier_factor");
   check_refused(s, with([](auto& o) { o.scales.scale_factor = 0.5F; }), "options.scales.scale_factor = 0.5");
   check_refused(s, with([](auto& o) { o.second_min_shared_points = -1; }), "options.second_min_shared_points = -1");
   check_refused(s, with([](auto& o) { o.most_keyframes = -1; }), "options.most_keyframes = -1");

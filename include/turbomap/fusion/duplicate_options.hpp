@@ -19,6 +19,8 @@ struct duplicate_options {
   double max_range_factor = 1.2;  ///< ... to max_range_factor * max_distance (both products in float)
   double mono_chi2 = 5.99;        ///< gate of reprojection error^2 / sigma2, two residuals: 95 %, 2 dof
   double stereo_chi2 = 7.8;       ///< the same with u_right, three residuals: 95 %, 3 dof
+  int finer_octaves = 1;          ///< candidates are keypoints from so many octaves below the predicted one ...
+  int coarser_octaves = 0;        ///< ... to so many above. 1 and 0 [ORB-SLAM3]: see local_mapper_options::accurate()
   double max_distance = 50;       ///< largest descriptor distance of a duplicate (50 of 256 bits: TH_LOW)
   bool range_gate = true;    ///< false: the distance range neither gates nor predicts the octave (ranges may be null),
                              ///< every octave is a candidate, the window is that of window_octave
@@ -33,7 +35,7 @@ struct duplicate_options {
     o.min_view_cosine = min_view_cosine;
     o.min_range_factor = min_range_factor, o.max_range_factor = max_range_factor;
     o.range_gate = range_gate, o.window_octave = window_octave;
-    o.finer_octaves = 1, o.coarser_octaves = 0;
+    o.finer_octaves = finer_octaves, o.coarser_octaves = coarser_octaves;
     o.gate = projection_gate::all, o.mono_chi2 = mono_chi2, o.stereo_chi2 = stereo_chi2;
     o.window_sigmas = 0;
     o.max_distance = max_distance, o.max_ratio = 1;

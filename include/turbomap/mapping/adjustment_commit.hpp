@@ -45,6 +45,7 @@ inline void check(const local_adjustment_options& o) {
   check_scales(o.scales);
   check_positive("options.mono_chi2", o.mono_chi2);
   check_positive("options.stereo_chi2", o.stereo_chi2);
+  check_positive("options.outlier_factor", o.outlier_factor);
   require_correlation(o.stereo_correlation, "options.stereo_correlation");
   require(o.second_min_shared_points >= 0, "options.second_min_shared_points", o.second_min_shared_points,
           "must not be negative");
@@ -188,8 +189,9 @@ class adjustment_commit {
     return now.x == then.x && now.y == then.y && now.z == then.z;
   }
   double gate_of(std::size_t row, const local_adjustment_options& options) const {
-    if (measurements_.is_stereo(row)) return options.stereo_chi2;
-    return depth[row] < options.near_depth ? options.near_mono_factor * options.mono_chi2 : options.mono_chi2;
+    if (measurements_.is_stereo(row)) return options.outlier_factor * options.stereo_chi2;
+    const double near = depth[row] < options.near_depth ? options.near_mono_factor : 1;
+    return near * options.outlier_factor * options.mono_chi2;
   }
   /// Rows beyond their gate that the map still has. Throws inconsistent_map before anything is written.
   void find_outliers(const Map& map, const local_adjustment_options& options, fault_sink faults) {

@@ -76,6 +76,26 @@ struct local_mapper_options {
     o.set_inertial();
     return o;
   }
+  /// These options changed for trajectories as exact as the observations allow: `local_mapper_options::stereo(...).accurate()`. Hardly
+  /// any true observation is lost, to gates (99.9 % instead of 95 %), to octaves that were detected one off, or with redundant
+  /// keyframes; no keyframe is culled, so that time and memory grow with the map. For few wrong associations, and errors of pixels
+  /// no larger than 1 px at octave 0. Meant to end with adjust_globally() and rounds of fuse_around(). What each part gains, and
+  /// costs: docs/evaluation.md. Ours.
+  local_mapper_options accurate() const {
+    constexpr double mono_chi2 = 13.816, stereo_chi2 = 16.266;  // 99.9 %, 2 and 3 dof
+    local_mapper_options o = *this;
+    o.covariances = o.fusion.covariances = true;
+    int& predecessors = o.neighbours.neighbourhood.temporal_neighbours;
+    if (predecessors < 10) predecessors = 10;  // where a camera turns away from all that it knows
+    o.creation.mono_chi2 = o.fusion.search.mono_chi2 = mono_chi2;
+    o.creation.stereo_chi2 = o.fusion.search.stereo_chi2 = stereo_chi2;
+    o.fusion.search.radius = 4;         // the window holds the gate: sqrt(13.816) = 3.72
+    o.fusion.search.finer_octaves = 2;  // a point's own octave and a keypoint's may each be one off
+    o.fusion.search.coarser_octaves = 1;
+    o.adjustment.outlier_factor = mono_chi2 / o.adjustment.mono_chi2;
+    o.keyframe_culling.redundant_share = 1;  // more than all of its points: never
+    return o;
+  }
 
  private:
   void set_inertial() {

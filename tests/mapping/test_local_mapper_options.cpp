@@ -1,0 +1,51 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// The sets of options: accurate() keeps what belongs to the sensor, and says what its comment says.
+
+#include <turbomap/mapping/local_mapper_options.hpp>
+
+#include <cmath>
+
+#include <doctest/doctest.h>
+
+using turbomap::local_mapper_options;
+
+TEST_CASE("accurate: what belongs to the sensor stays") {
+  const turbomap::pyramid scales{1.5F, 4};
+  const auto stereo = local_mapper_options::stereo(0.11, 4.4, scales).accurate();
+  CHECK(stereo.neighbours.stereo_baseline == 0.11);
+  CHECK(stereo.keyframe_culling.max_depth == 4.4F);
+  CHECK(stereo.point_culling.fewest_measurements == 3);
+  for (const auto& s :
+       {stereo.search.scales, stereo.creation.scales, stereo.fusion.search.scales, stereo.adjustment.scales})
+    CHECK((s.scale_factor == 1.5F && s.levels == 4));
+  CHECK(local_mapper_options::monocular().accurate().neighbours.neighbourhood.neighbours == 30);
+  CHECK(stereo.neighbours.neighbourhood.temporal_neighbours == 10);
+  const auto inertial = local_mapper_options::monocular_inertial().accurate();
+  CHECK(inertial.neighbours.neighbourhood.temporal_neighbours == 11);
+  CHECK(inertial.keyframe_culling.temporal_guards);
+}
+
+TEST_CASE("accurate: every gate is that of 99.9 %, and the window holds it") {
+  const auto o = local_mapper_options::stereo(0.11, 4.4).accurate();
+  const double mono = -2 * std::log(0.001);  // chi-square of two degrees of freedom
+  CHECK(o.creation.mono_chi2 == doctest::Approx(mono).epsilon(1e-4));
+  CHECK(o.fusion.search.mono_chi2 == doctest::Approx(mono).epsilon(1e-4));
+  CHECK(o.adjustment.outlier_factor * o.adjustment.mono_chi2 == doctest::Approx(mono).epsilon(1e-4));
+  CHECK(o.adjustment.mono_chi2 == local_mapper_options().adjustment.mono_chi2);  // the kernel stays
+  CHECK(o.fusion.search.radius * o.fusion.search.radius >= mono);
+  const double x = o.fusion.search.stereo_chi2;  // of three
+  CHECK(std::erfc(std::sqrt(x / 2)) + std::sqrt(2 * x / std::acos(-1.0)) * std::exp(-x / 2) ==
+        doctest::Approx(0.001).epsilon(1e-3));
+  CHECK(o.creation.stereo_chi2 == x);
+}
+
+TEST_CASE("accurate: no keyframe is redundant, and points are not taken as exact") {
+  const auto o = local_mapper_options::monocular().accurate();
+  CHECK(turbomap::is_redundant({100, 100}, local_mapper_options::monocular().keyframe_culling));
+  CHECK_FALSE(turbomap::is_redundant({100, 100}, o.keyframe_culling));
+  CHECK(o.covariances);
+  CHECK(o.fusion.covariances);
+}
