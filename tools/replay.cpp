@@ -145,14 +145,21 @@ int main(int argc, char** argv) try {
          "--second-shared", a.second_shared,
          "adjust keyframes too that share so many points with one that shares enough with the current one; 0: none")
       ->check(CLI::NonNegativeNumber);
+  std::string preset = "default";
+  app.add_option("--preset", preset,
+                 "accurate: options for the most exact trajectory, --points uncertain, and unless others are given "
+                 "--global-adjustment end --global-rounds 3 (replay mode)")
+      ->check(CLI::IsMember({"default", "accurate"}));
   std::string global;
   app.add_option("--global-adjustment", global,
                  "adjust all of the map together: 'end', after the last keyframe, or a number, after so many keyframes "
                  "each (replay mode)")
       ->check(end_or_count);
-  app.add_option("--global-rounds", a.global_rounds,
-                 "with --global-adjustment: look for duplicates around every keyframe and adjust again, so many times")
-      ->check(CLI::NonNegativeNumber);
+  auto* rounds =
+      app.add_option(
+             "--global-rounds", a.global_rounds,
+             "with --global-adjustment: look for duplicates around every keyframe and adjust again, so many times")
+          ->check(CLI::NonNegativeNumber);
   app.add_option("--temporal-neighbours", a.temporal_neighbours,
                  "search and fuse with so many keyframes at least: predecessors in time where fewer share points")
       ->check(CLI::NonNegativeNumber);
@@ -199,6 +206,9 @@ int main(int argc, char** argv) try {
   app.add_option("--trajectory", a.trajectory, "write the keyframes' body poses to this file (TUM format)");
   app.add_option("--ply", a.ply, "write points and trajectory to this file (PLY: MeshLab, CloudCompare, rerun)");
   app.add_flag("!--no-bound", a.bound, "simulated recordings: leave out the adjustment of all true observations");
+  app.add_flag("--error-parts", a.error_parts,
+               "simulated recordings: adjust what the map has, the right part of it, and what it lacks, and write the "
+               "errors to the JSON");
   app.add_option("--perturb", a.perturb, "move the poses that come in by 1e-6 m at random, with this seed; 0: not")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--repeat", a.repeat, "replay so many times and time all of them")->check(CLI::PositiveNumber);
@@ -211,6 +221,9 @@ int main(int argc, char** argv) try {
   if (!stages.empty()) choose_stages(stages, a);
   a.queue = a.queue || rate->count() != 0;
   a.objects = map == "objects";
+  a.accurate = preset == "accurate";
+  if (a.accurate && global.empty()) global = "end";
+  if (a.accurate && rounds->count() == 0) a.global_rounds = 3;
   a.global_end = global == "end";
   if (!global.empty() && !a.global_end) a.global_every = std::stoi(global);
   if (a.objects && (a.check || a.policy == "cuda" || std::count(a.beside.begin(), a.beside.end(), "cuda") != 0))
@@ -221,7 +234,7 @@ int main(int argc, char** argv) try {
     throw std::invalid_argument("--imu: not together with --check, --map objects or the policy cuda");
   a.growth = a.growth || !a.growth_file.empty();
   a.projected = associate == "projected";
-  a.uncertain_tracking = points == "uncertain", a.uncertain_fusion = fused == "uncertain";
+  a.uncertain_tracking = points == "uncertain" || a.accurate, a.uncertain_fusion = fused == "uncertain";
   if (a.recording.empty()) a.recording = demo_recording(argv[0]);
 
   if (a.beside == std::vector<std::string>{"all"}) a.beside = other_policies(a.policy);

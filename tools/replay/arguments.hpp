@@ -34,6 +34,7 @@ struct arguments {
   bool pixel_centres = false;       ///< recorded keypoints are taken to the full image. Replay mode
   std::vector<std::string> beside;  ///< more policies that the recording is replayed under
   bool bound = true;                ///< of a simulated recording: the error of the batch adjustment is computed
+  bool error_parts = false;         ///< ... and what the error of the map comes from
   bool quiet = false;               ///< of the replays beside the first: nothing is printed, no trajectory judged
   bool check = false;
   /// Stages that are switched on.
@@ -45,6 +46,7 @@ struct arguments {
   std::string merges = "apart";        ///< merge_rule: refuse, apart or drop
   std::string numbers = "mixed";       ///< of adjustments: float64, mixed or float32
   double stereo_correlation = -1;      ///< of the errors of u and u_right; negative: correlation() knows
+  bool accurate = false;               ///< local_mapper_options::accurate()
   int second_shared = 0;               ///< local_adjustment_options::second_min_shared_points
   int global_every = 0;                ///< all of the map is adjusted after so many keyframes; 0: never
   bool global_end = false;             ///< ... and at the end

@@ -8,6 +8,7 @@
 /// the same keypoints cannot be expected to come nearer, though one may by chance: its trajectory error is what a replay's is
 /// compared with.
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -31,6 +32,14 @@ struct true_observations {
   std::vector<turbomap::vec3<double>> pixel;
   std::vector<double> information;  ///< px^-2, by octave
   std::vector<std::uint8_t> camera;
+
+  void add(const turbomap::recording& recording, std::int32_t keyframe, const turbomap::keypoint& z,
+           std::int32_t point) {
+    frame.push_back(keyframe), landmark.push_back(point);
+    pixel.push_back({static_cast<double>(z.x), static_cast<double>(z.y), static_cast<double>(z.u_right)});
+    information.push_back(1 / static_cast<double>(recording.meta.level_sigma2[z.octave]));
+    camera.push_back(z.camera);
+  }
 };
 
 inline true_observations gather_true_observations(const turbomap::recording& recording) {
@@ -49,35 +58,34 @@ inline true_observations gather_true_observations(const turbomap::recording& rec
     for (std::size_t k = 0; k < keypoints.size(); ++k) {
       const std::int32_t p = recording.sim_point_id[recording.keypoints(i).begin + k];
       if (p < 0 || number[static_cast<std::size_t>(p)] < 0) continue;
-      const turbomap::keypoint& z = keypoints[k];
-      all.frame.push_back(static_cast<std::int32_t>(i));
-      all.landmark.push_back(number[static_cast<std::size_t>(p)]);
-      all.pixel.push_back({static_cast<double>(z.x), static_cast<double>(z.y), static_cast<double>(z.u_right)});
-      all.information.push_back(1 / static_cast<double>(recording.meta.level_sigma2[z.octave]));
-      all.camera.push_back(z.camera);
+      all.add(recording, static_cast<std::int32_t>(i), keypoints[k], number[static_cast<std::size_t>(p)]);
     }
   }
   return all;
 }
 
-/// The point that the first keyframe sees and that has the most observations; 0 where it sees none.
+/// The point that has the most observations of those that the first keyframe with observations sees; 0 where there are none.
 inline std::size_t most_seen_by_first(const true_observations& all) {
+  if (all.frame.empty()) return 0;
+  const std::int32_t first = *std::min_element(all.frame.begin(), all.frame.end());
   std::vector<std::size_t> seen(all.points.size(), 0);
   for (const std::int32_t p : all.landmark) ++seen[static_cast<std::size_t>(p)];
   std::size_t best = 0, most = 0;
-  for (std::size_t row = 0; row < all.frame.size() && all.frame[row] == 0; ++row) {
+  for (std::size_t row = 0; row < all.frame.size(); ++row) {
     const auto p = static_cast<std::size_t>(all.landmark[row]);
-    if (seen[p] > most) most = seen[p], best = p;
+    if (all.frame[row] == first && seen[p] > most) most = seen[p], best = p;
   }
   return best;
 }
 
-/// Poses of the batch adjustment, one per keyframe: least squares without a robust kernel, every row with the sigma of its
-/// octave and the correlation that was simulated. The first pose is held, and in a monocular world, whose scale nobody knows,
-/// one point that it sees: align such poses with scale. O(observations + keyframes^3) at most; 0.1 s for 40 keyframes.
+/// Poses that fit observations best, one per keyframe: least squares without a robust kernel, every row with the sigma of its
+/// octave and the correlation that was simulated, from the poses and points that are given. In a monocular world, whose scale
+/// nobody knows, one point is held: align such poses with scale. O(observations + keyframes^3) at most; 0.1 s for 40
+/// keyframes. \param fixed  by keyframe: not 0 where the pose is held, at least one
 template <class Camera, class Policy>
-std::vector<turbomap::rigid_transform<double>> batch_poses(const turbomap::recording& recording, const Policy& policy) {
-  const true_observations all = gather_true_observations(recording);
+std::vector<turbomap::rigid_transform<double>> adjust_observations(const turbomap::recording& recording,
+                                                                   const Policy& policy, const true_observations& all,
+                                                                   const std::vector<std::uint8_t>& fixed) {
   const auto rig = recorded_rig<Camera>(recording.meta);
   turbomap::reprojections<Camera> rows;
   rows.rig = {rig.data(), static_cast<int>(rig.size())};
@@ -85,8 +93,6 @@ std::vector<turbomap::rigid_transform<double>> batch_poses(const turbomap::recor
   rows.pixel = all.pixel, rows.information = all.information, rows.camera = all.camera;
   rows.stereo_correlation = simulated_correlation(recording.meta);
   rows.mono_kernel.delta2 = rows.stereo_kernel.delta2 = 1e300;  // plain least squares
-  std::vector<std::uint8_t> fixed(all.T_cw.size(), 0);
-  if (!fixed.empty()) fixed[0] = 1;
   std::vector<std::uint8_t> held(all.points.size(), 0);
   if (recording.meta.sensor == "monocular" && !held.empty()) held[most_seen_by_first(all)] = 1;
 
@@ -103,6 +109,15 @@ std::vector<turbomap::rigid_transform<double>> batch_poses(const turbomap::recor
   std::vector<turbomap::rigid_transform<double>> T_cw;
   problem.frames(ctx, T_cw);
   return T_cw;
+}
+
+/// Poses of the batch adjustment, from the truth; the first is held.
+template <class Camera, class Policy>
+std::vector<turbomap::rigid_transform<double>> batch_poses(const turbomap::recording& recording, const Policy& policy) {
+  const true_observations all = gather_true_observations(recording);
+  std::vector<std::uint8_t> fixed(all.T_cw.size(), 0);
+  if (!fixed.empty()) fixed[0] = 1;
+  return adjust_observations<Camera>(recording, policy, all, fixed);
 }
 
 }  // namespace turbomap_replay

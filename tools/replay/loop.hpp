@@ -16,6 +16,7 @@
 #include <turbomap/local_mapper.hpp>
 
 #include "arguments.hpp"
+#include "error_parts.hpp"
 #include "local_map_search.hpp"
 #include "map_digest.hpp"
 #include "match_judge.hpp"
@@ -60,7 +61,8 @@ struct replay_result {
   std::size_t projected = 0, projected_kept = 0;              ///< associations by projection; not forgotten as outliers
   std::size_t projected_right = 0, projected_kept_right = 0;  ///< by the simulator's ids
   match_verdict matches;
-  points_verdict true_points;  ///< of a simulated recording
+  map_observations observations;  ///< with --error-parts
+  points_verdict true_points;     ///< of a simulated recording
   turbomap::keyframe_store_statistics store;
   nlohmann::json imu;  ///< what became of it; null: not used
 };
@@ -76,6 +78,7 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording& 
            : meta.sensor == "monocular"
                ? turbomap::local_mapper_options::monocular(meta.pyramid())
                : turbomap::local_mapper_options::stereo(meta.baseline, meta.close_depth, meta.pyramid());
+  if (a.accurate) o = o.accurate();
   o.search.candidate_set = a.candidates == "grouped"      ? turbomap::candidates::grouped
                            : a.candidates == "exhaustive" ? turbomap::candidates::exhaustive
                                                           : turbomap::candidates::epipolar_ordered;
@@ -91,8 +94,8 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording& 
   if (a.temporal_neighbours >= 0) o.neighbours.neighbourhood.temporal_neighbours = a.temporal_neighbours;
   if (a.culling_observers >= 0) o.keyframe_culling.observers = a.culling_observers;
   if (a.culling_share >= 0) o.keyframe_culling.redundant_share = a.culling_share;
-  o.covariances = a.uncertain_tracking || a.uncertain_fusion;
-  o.fusion.covariances = a.uncertain_fusion;
+  o.covariances = o.covariances || a.uncertain_tracking || a.uncertain_fusion;
+  o.fusion.covariances = o.fusion.covariances || a.uncertain_fusion;
   o.deadline_ms = a.deadline_ms;
   if (a.most_views >= 0) o.most_views = a.most_views;
   o.enabled[mapping_stage::point_culling] = a.point_culling;
@@ -172,6 +175,7 @@ class replayer {
     result_.map_digest = map_digest(map);
     result_.matches = judge_.verdict();
     if (recording_.is_simulated()) result_.true_points = points_.verdict(map);
+    if (arguments_.error_parts) result_.observations = gather_map_observations(map);
     result_.store = store_.statistics();
     result_.imu = imu_.json();
     return std::move(result_);

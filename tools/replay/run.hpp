@@ -170,6 +170,9 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
   }
   if (!arguments.quiet) {
     add_trajectory_errors<Camera>(recording, policy, result.T_cw, result.alive, o.json, arguments.bound);
+    if (arguments.error_parts && recording.is_simulated())
+      o.json["error_parts"] =
+          error_parts<Camera, Policy>(recording, policy, result.observations, result.T_cw, result.alive)();
     print_outcome(o.json, stages);
   }
   if (arguments.growth) {

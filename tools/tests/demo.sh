@@ -58,3 +58,19 @@ awk -F '[:,]' '
     print "demo.sh: --global-adjustment: ATE " ate ", before " before ", map faults " value["map_faults"] > "/dev/stderr"
     exit 1
   }' "$json"
+
+# The preset: no keyframe is culled, the whole map is adjusted, and the parts of its error are told.
+"$1" "$2" --policy "$3" --no-bound --preset accurate --error-parts --json "$json" >/dev/null
+awk -F '[:,]' '
+  /^  "(ate_rmse_m|ate_before_global_rmse_m|map_faults|keyframes|keyframes_left)"/ {
+    gsub(/[ "]/, "", $1)
+    value[$1] = $2 + 0
+  }
+  /^    "(own|right|joined|known|all)"/ { ++parts }
+  END {
+    if (value["ate_rmse_m"] > 0 && value["ate_rmse_m"] < value["ate_before_global_rmse_m"] && value["map_faults"] == 0 &&
+        value["keyframes"] > 0 && value["keyframes_left"] == value["keyframes"] && parts == 5) exit 0
+    for (v in value) print "demo.sh: --preset accurate: " v " " value[v] > "/dev/stderr"
+    print "demo.sh: --preset accurate: error parts " parts > "/dev/stderr"
+    exit 1
+  }' "$json"
