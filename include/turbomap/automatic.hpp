@@ -23,9 +23,12 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Host, class Device, class Clock = std::chrono::steady_clock>
 class automatic {
  public:
+  /// Makes a context of each policy.
   automatic(Host host, Device device) : host_(std::move(host)), device_(std::move(device)) {}
 
+  /// Where small calls run.
   context<Host>& host() { return host_; }
+  /// Where large calls run.
   context<Device>& device() { return device_; }
 
   /// From now on by these crossovers, e.g. of read_crossover().

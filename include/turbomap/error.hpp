@@ -22,9 +22,12 @@ struct device_error : std::runtime_error {
 /// The memory resource of an execution policy has no room left. Whatever was being grown is as it was before the call.
 class out_of_memory : public std::bad_alloc {
  public:
+  /// \param where  which memory: a word of the message
+  /// \param bytes  that were asked for
   out_of_memory(const char* where, std::size_t bytes) noexcept {
     std::snprintf(what_, sizeof what_, "turbomap: out of %s memory: %zu bytes were asked for", where, bytes);
   }
+  /// The message.
   const char* what() const noexcept override { return what_; }
 
  private:
@@ -44,23 +47,29 @@ struct bad_file : std::runtime_error {
 /// \name A value as messages print it
 /// Real numbers with nine digits, which tell any two floats apart.
 /// @{
+/// With nine digits.
 inline std::string printed(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.9g", value);
   return text;
 }
+/// In decimals.
 inline std::string printed(long long value) {
   char text[32];
   std::snprintf(text, sizeof text, "%lld", value);
   return text;
 }
+/// In decimals.
 inline std::string printed(unsigned long long value) {
   char text[32];
   std::snprintf(text, sizeof text, "%llu", value);
   return text;
 }
+/// As it is.
 inline std::string printed(const char* value) { return value; }
+/// As it is.
 inline std::string printed(const std::string& value) { return value; }
+/// In decimals.
 template <class Integer, class = std::enable_if_t<std::is_integral_v<Integer>>>
 std::string printed(Integer value) {
   return printed(static_cast<std::conditional_t<std::is_signed_v<Integer>, long long, unsigned long long>>(value));
@@ -73,10 +82,12 @@ std::string printed(Integer value) {
   text.append(argument).append(" = ").append(value).append(": ").append(rule);
   throw std::invalid_argument(text);
 }
+/// The same, of a value that is not printed yet.
 template <class Value>
 [[noreturn, gnu::cold]] void reject(const char* argument, const Value& value, const char* rule) {
   reject_printed(argument, printed(value), rule);
 }
+/// The same.
 template <class Value>
 [[noreturn, gnu::cold]] void reject(const std::string& argument, const Value& value, const char* rule) {
   reject(argument.c_str(), value, rule);

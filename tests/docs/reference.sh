@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: Apache-2.0
 #
 # reference.sh [DOXYGEN]: the API reference has a word on every public symbol of the headers that reference.txt lists: those that
-# users include and specialise. Others are written for who reads the code; take a header into the list when it is complete.
+# users include and specialise, and what else is complete. Take a header into the list when it is.
 cd "$(dirname "$0")/../.." || exit 1
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT

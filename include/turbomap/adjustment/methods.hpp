@@ -10,13 +10,17 @@
 
 namespace turbomap {
 
+/// Solvers that a program is compiled with.
 template <reduced_solver... Solvers>
 struct solver_list {
+  /// Whether it is among them.
   static constexpr bool has(reduced_solver solver) { return (false || ... || (solver == Solvers)); }
 };
 
+/// Precisions that a program is compiled with.
 template <precision... Precisions>
 struct precision_list {
+  /// Whether it is among them.
   static constexpr bool has(precision numbers) { return (false || ... || (numbers == Precisions)); }
 };
 
@@ -27,7 +31,9 @@ struct precision_list {
 template <class Solvers = solver_list<reduced_solver::dense, reduced_solver::sparse, reduced_solver::pcg>,
           class Precisions = precision_list<precision::mixed>>
 struct adjustment_methods {
+  /// A solver_list.
   using solvers = Solvers;
+  /// A precision_list.
   using precisions = Precisions;
 };
 

@@ -26,10 +26,10 @@ struct motion_only_options {
 
 /// What became of one frame.
 struct posed_frame {
-  rigid_transform<double> T_cw;
-  std::int32_t inliers;   ///< of the last round
-  std::int32_t adjusted;  ///< 0: the pose is to the bit what was given (too few observations, or not finite)
-  double cost;            ///< sum of rho(chi2) of the inliers of the last round
+  rigid_transform<double> T_cw;  ///< world to body
+  std::int32_t inliers;          ///< of the last round
+  std::int32_t adjusted;         ///< 0: the pose is to the bit what was given (too few observations, or not finite)
+  double cost;                   ///< sum of rho(chi2) of the inliers of the last round
 };
 
 }  // namespace turbomap

@@ -41,6 +41,7 @@ enum class damping_rule : std::uint8_t {
 struct adjustment_options {
   int max_iterations = 10;  ///< linearisations
   int max_retries = 10;     ///< larger dampings tried on one linearisation (g2o)
+  /// What makes a step shorter.
   damping_rule damping = damping_rule::diagonal;
   double initial_lambda = 0;  ///< damping at the start; 0: by initial_lambda_scale
   /// tau: of the largest diagonal element under `identity`, of each under `diagonal`. 0: 1e-5 [Nielsen 1999; g2o], 1e-4
@@ -48,10 +49,12 @@ struct adjustment_options {
   double initial_lambda_scale = 0;
   double min_relative_decrease = 0;  ///< an iteration that gains less (relative to the cost) is a slow one; 0: never
   int slow_iterations = 3;           ///< as many slow ones in a row end the adjustment [ORB-SLAM3: 1e-3, 3]
-  double min_predicted_decrease = 1e-14;    ///< ends where a step promises less than this times the cost
-  double time_budget_ms = 0;                ///< ends after the iteration that exceeds it; 0: no limit
-  stop_request stop;  ///< asked between steps; honoured within one iteration
+  double min_predicted_decrease = 1e-14;  ///< ends where a step promises less than this times the cost
+  double time_budget_ms = 0;              ///< ends after the iteration that exceeds it; 0: no limit
+  stop_request stop;                      ///< asked between steps; honoured within one iteration
+  /// What it computes in.
   precision numbers = precision::mixed;
+  /// How the frames are solved for.
   reduced_solver solver = reduced_solver::automatic;
   int dense_limit = 1200;    ///< unknowns up to which `automatic` takes the dense solver
   int sparse_limit = 12000;  ///< unknowns up to which it takes the sparse one
@@ -59,8 +62,8 @@ struct adjustment_options {
   /// Dense and sparse list all pairs of frames that see one landmark, 8 bytes each. `automatic` takes pcg beyond so many.
   /// Ours: half a GiB.
   std::int64_t pair_limit = std::int64_t{1} << 26;
-  double pcg_tolerance = 0.1;  ///< relative residual at which conjugate gradients stop: inexact steps [Ceres: eta]
-  int pcg_max_iterations = 500;
+  double pcg_tolerance = 0.1;    ///< relative residual at which conjugate gradients stop: inexact steps [Ceres: eta]
+  int pcg_max_iterations = 500;  ///< of one step
 };
 
 /// Why an adjustment ended.
@@ -86,15 +89,17 @@ struct adjustment_iteration {
 
 /// What an adjustment did. Costs are sums of rho(chi2) over all residual blocks (not halved).
 struct adjustment_summary {
-  double cost_initial = 0;
-  double cost_final = 0;
-  int iterations = 0;  ///< linearisations that were solved
-  int accepted = 0;    ///< iterations that changed the state; 0: it is unchanged to the last bit
-  int undefined = 0;   ///< observations whose camera could not project their landmark at the end
+  double cost_initial = 0;  ///< of the state that was given
+  double cost_final = 0;    ///< of the state that is left
+  int iterations = 0;       ///< linearisations that were solved
+  int accepted = 0;         ///< iterations that changed the state; 0: it is unchanged to the last bit
+  int undefined = 0;        ///< observations whose camera could not project their landmark at the end
   /// Unknowns of free frames that no factor depended on at the start: damping alone kept them where they are. (Directions
   /// that several unknowns have in common, as a scale, are not among them: see frame_covariance.)
   int undetermined = 0;
+  /// Why it ended.
   adjustment_end end = adjustment_end::max_iterations;
+  /// Every iteration, in their order.
   plain_vector<adjustment_iteration> each;
 };
 
@@ -123,6 +128,7 @@ inline const char* to_string(adjustment_end end) {
   return "unknown";
 }
 
+/// The name of a precision, as programs take it.
 inline const char* to_string(precision numbers) {
   switch (numbers) {
     case precision::float64:
@@ -135,6 +141,7 @@ inline const char* to_string(precision numbers) {
   return "unknown";
 }
 
+/// The name of a solver, as programs take it.
 inline const char* to_string(reduced_solver solver) {
   switch (solver) {
     case reduced_solver::automatic:

@@ -20,7 +20,9 @@ namespace turbomap {
 
 /// Plain least squares.
 struct no_kernel {
+  /// It takes packs too, several residuals at once.
   static constexpr bool for_packs = true;
+  /// Sets rho(chi2) and its derivative by chi2, the weight.
   template <class S, class = detail::this_target>
   TURBOMAP_HD void operator()(const S& chi2, S& rho, S& weight) const {
     rho = chi2, weight = S(1);
@@ -30,7 +32,9 @@ struct no_kernel {
 /// Linear beyond |e| = delta: rho = 2 delta |e| - delta^2 [Huber 1964].
 struct huber {
   double delta2 = 5.991;  ///< delta^2; 95 % of chi-square with two degrees of freedom
+  /// It takes packs too, several residuals at once.
   static constexpr bool for_packs = true;
+  /// Sets rho(chi2) and its derivative by chi2, the weight.
   template <class S, class = detail::this_target>
   TURBOMAP_HD void operator()(const S& chi2, S& rho, S& weight) const {
     using std::sqrt;
@@ -44,6 +48,7 @@ struct huber {
 /// Logarithmic: rho = c^2 log(1 + chi2 / c^2) [Cauchy, Lorentz].
 struct cauchy {
   double c2 = 5.991;  ///< c^2: where the weight is one half
+  /// Sets rho(chi2) and its derivative by chi2, the weight.
   TURBOMAP_HD void operator()(double chi2, double& rho, double& weight) const {
     const double x = chi2 / c2;
     rho = c2 * ::log1p(x), weight = 1 / (1 + x);
@@ -53,6 +58,7 @@ struct cauchy {
 /// Constant beyond |e| = c: rho = c^2/3 (1 - (1 - chi2/c^2)^3) [Beaton and Tukey 1974].
 struct tukey {
   double c2 = 21.95;  ///< c^2; 4.685^2 gives 95 % efficiency on Gaussian errors
+  /// Sets rho(chi2) and its derivative by chi2, the weight.
   TURBOMAP_HD void operator()(double chi2, double& rho, double& weight) const {
     const double x = chi2 < c2 ? 1 - chi2 / c2 : 0;
     rho = c2 / 3 * (1 - x * x * x), weight = x * x;

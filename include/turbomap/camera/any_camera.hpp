@@ -46,6 +46,7 @@ class any_camera {
   static constexpr int count = static_cast<int>(sizeof...(Cameras));
 
  public:
+  /// Of the parameters.
   using scalar = std::common_type_t<typename Cameras::scalar...>;
 
   /// Holds the first model, value-initialised.
@@ -64,10 +65,12 @@ class any_camera {
     return index_ == detail::index_of<C, Cameras...>() ? reinterpret_cast<const C*>(bytes_) : nullptr;
   }
 
+  /// As the model that it holds; so are the others.
   template <class S, class = detail::this_target>
   TURBOMAP_HD bool project(const vec3<S>& point, vec2<S>& pixel) const {
     return project_as<0>(point, pixel);
   }
+  /// The unit ray of a pixel.
   template <class S, class = detail::this_target>
   TURBOMAP_HD bool unproject(const vec2<S>& pixel, vec3<S>& bearing) const {
     return unproject_as<0>(pixel, bearing);
@@ -77,12 +80,15 @@ class any_camera {
   TURBOMAP_HD bool jacobian(const vec3<S>& point, mat23<S>& d_pixel_d_point) const {
     return jacobian_as<0>(point, d_pixel_d_point);
   }
+  /// True, and the pinhole set, where the model is one.
   TURBOMAP_HD bool as_pinhole(pinhole<double>& equivalent) const { return as_pinhole_as<0>(equivalent); }
+  /// The least resolution within the bounds.
   double min_pixels_per_radian(const image_bounds& bounds) const {
     double result = 0;
     visit([&](const auto& camera) { result = turbomap::min_pixels_per_radian(camera, bounds); });
     return result;
   }
+  /// Throws std::invalid_argument for what no camera can have.
   void validate() const {
     visit([](const auto& camera) { validate_camera(camera); });
   }

@@ -18,12 +18,16 @@ namespace turbomap {
 /// Not defined behind the camera, z <= 0, nor beyond the radius where r g stops rising.
 template <class T>
 struct brown_conrady {
-  using scalar = T;
-  T fx = 1, fy = 1;  ///< focal lengths, px
-  T cx = 0, cy = 0;  ///< principal point, px
-  T k1 = 0, k2 = 0;  ///< radial
-  T p1 = 0, p2 = 0;  ///< tangential
-  T k3 = 0;          ///< radial; in OpenCV's order of the five
+  using scalar = T;  ///< of the parameters.
+  T fx = 1;          ///< focal length along u, px
+  T fy = 1;          ///< focal length along v, px
+  T cx = 0;          ///< principal point, u, px
+  T cy = 0;          ///< principal point, v, px
+  T k1 = 0;          ///< radial, of r^2
+  T k2 = 0;          ///< radial, of r^4
+  T p1 = 0;          ///< tangential, along v
+  T p2 = 0;          ///< tangential, along u
+  T k3 = 0;          ///< radial, of r^6; in OpenCV's order of the five
 
   /// The pixel of a point in camera coordinates. False, and `pixel` untouched, where the model is not defined.
   template <class S, class = detail::this_target>

@@ -16,9 +16,11 @@ namespace turbomap {
 /// u = fx x/D + cx, v = fy y/D + cy (Eq. 40-42 there). Defined where z > -w2 d1 (Eq. 43-45), also behind the camera.
 template <class T>
 struct double_sphere {
-  using scalar = T;
-  T fx = 1, fy = 1;  ///< focal lengths, px
-  T cx = 0, cy = 0;  ///< principal point, px
+  using scalar = T;  ///< of the parameters.
+  T fx = 1;          ///< focal length along u, px
+  T fy = 1;          ///< focal length along v, px
+  T cx = 0;          ///< principal point, u, px
+  T cy = 0;          ///< principal point, v, px
   T xi = 0;          ///< distance between the centres of the two unit spheres, (-1, 1]
   T alpha = 0.5;     ///< share of the second sphere, [0, 1]
 

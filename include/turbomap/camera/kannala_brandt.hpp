@@ -19,10 +19,15 @@ namespace turbomap {
 /// theta_d stops rising.
 template <class T>
 struct kannala_brandt {
-  using scalar = T;
-  T fx = 1, fy = 1;                  ///< focal lengths, px per radian on the axis
-  T cx = 0, cy = 0;                  ///< principal point, px
-  T k1 = 0, k2 = 0, k3 = 0, k4 = 0;  ///< of theta^3, theta^5, theta^7, theta^9
+  using scalar = T;  ///< of the parameters.
+  T fx = 1;          ///< focal length along u, px per radian on the axis
+  T fy = 1;          ///< focal length along v, px per radian on the axis
+  T cx = 0;          ///< principal point, u, px
+  T cy = 0;          ///< principal point, v, px
+  T k1 = 0;          ///< of theta^3
+  T k2 = 0;          ///< of theta^5
+  T k3 = 0;          ///< of theta^7
+  T k4 = 0;          ///< of theta^9
 
   /// The pixel of a point in camera coordinates. False, and `pixel` untouched, where the model is not defined.
   template <class S, class = detail::this_target>

@@ -44,8 +44,10 @@ namespace turbomap {
 template <class T>
 struct pinhole {
   using scalar = T;  ///< of the parameters.
-  T fx = 1, fy = 1;  ///< focal lengths, px
-  T cx = 0, cy = 0;  ///< principal point, px
+  T fx = 1;          ///< focal length along u, px
+  T fy = 1;          ///< focal length along v, px
+  T cx = 0;          ///< principal point, u, px
+  T cy = 0;          ///< principal point, v, px
 
   /// The pixel of a point in camera coordinates. False, and `pixel` untouched, where z <= 0 or the result is not
   /// finite.

@@ -14,7 +14,7 @@ namespace turbomap {
 /// One camera of a rig.
 template <class Camera>
 struct rig_camera {
-  Camera camera;
+  Camera camera;                          ///< its model
   rigid_transform<double> T_camera_body;  ///< maps body to camera coordinates, metres; identity: the camera is the body
   /// Focal length times baseline, px m, of a rectified stereo pair whose left image this is: u_right = u - bf / depth.
   /// 0: there is no right image.
@@ -27,10 +27,12 @@ struct rig_camera {
 /// The cameras of a rig wherever they are stored, of a number known at run time only.
 template <class Camera>
 struct rig_view {
-  const rig_camera<Camera>* cameras = nullptr;
-  int count = 0;
+  const rig_camera<Camera>* cameras = nullptr;  ///< in the memory of whoever reads them
+  int count = 0;                                ///< of cameras
 
+  /// How many cameras.
   TURBOMAP_HD constexpr int size() const { return count; }
+  /// \param i  below size(); not checked
   TURBOMAP_HD constexpr const rig_camera<Camera>& operator[](int i) const { return cameras[i]; }
 };
 

@@ -32,8 +32,8 @@ inline void check(const map_point_culling_options& o) {
 /// A point on probation, and the keyframe it was made in, counted in keyframes that local mapping processed.
 template <class Point>
 struct recent_point {
-  Point point;
-  std::int64_t since;
+  Point point;         ///< its name
+  std::int64_t since;  ///< number of the keyframe
 };
 
 /// Whether a point fails. \param age  keyframes since it was made

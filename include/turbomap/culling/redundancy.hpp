@@ -35,13 +35,14 @@ struct keyframe_culling_options {
   int keep_last = 2;             ///< the current keyframe and so many before it, by their place in time, stay
   double max_gap = 0.5;          ///< s between the neighbours in time that a removal leaves side by side
   double max_old_gap = 3;  ///< s, the same for keyframes before the keep_keyframes-th predecessor, once initialised
+  /// The IMU is initialised: max_old_gap holds.
   bool inertial_initialised = true;
 };
 
 /// The points of a keyframe that count, and those of them that enough others see as well.
 struct redundancy {
-  int points = 0;
-  int redundant = 0;
+  int points = 0;     ///< that count
+  int redundant = 0;  ///< of those
 };
 
 /// redundant > share * points, the product in float: what the recorded peer computes.

@@ -111,10 +111,11 @@ struct real_descriptor {
                 "turbomap: a real descriptor is stored as float, turbomap::half or std::int8_t");
   static_assert(!std::is_same_v<Storage, std::int8_t> || Length <= 33025,
                 "turbomap: the distance of longer 8-bit descriptors does not fit 32 bits");
-  using element = Storage;
+  using element = Storage;  ///< as it is stored.
+  /// Of the square of a distance.
   using distance_type = std::conditional_t<std::is_same_v<Storage, std::int8_t>, std::int32_t, float>;
-  static constexpr int elements = Length;
-  static constexpr int bytes = Length * static_cast<int>(sizeof(Storage));
+  static constexpr int elements = Length;                                            ///< of one descriptor
+  static constexpr int bytes = Length * static_cast<int>(sizeof(Storage));           ///< of one descriptor
   static constexpr distance_type worst = std::numeric_limits<distance_type>::max();  ///< no pair is farther
 
   /// Squared Euclidean distance; both aligned to their element.

@@ -12,6 +12,7 @@ namespace turbomap {
 
 /// Options of find_duplicates(). Defaults are those of [ORB-SLAM3] and [TurboMap §IV-D].
 struct duplicate_options {
+  /// Of the keypoints.
   pyramid scales;
   double radius = 3;              ///< px at octave 0, grows with s^o: half the side of the square window
   double min_view_cosine = 0.5;   ///< of viewing ray and normal: 60 degrees. -1: any; normals may then be null
@@ -53,6 +54,7 @@ using duplicate = projection_match<Distance>;
 /// The full story of one point in one camera of one target.
 template <class Distance>
 using duplicate_trial = projection_trial<Distance>;
+/// What became of one point in one camera of one target.
 using duplicate_outcome = projection_outcome;
 
 }  // namespace turbomap

@@ -27,6 +27,7 @@ enum class projection_gate : std::uint8_t {
 
 /// Options of search_by_projection(). Defaults are those of [ORB-SLAM3]'s search of the local map.
 struct projection_options {
+  /// Of the keypoints.
   pyramid scales;
   double radius = 2.5;            ///< px at octave 0, grows with s^o: half the side of the square window
   double oblique_cosine = 0.998;  ///< of viewing ray and normal: a point seen at less than that ...
@@ -40,6 +41,7 @@ struct projection_options {
   int window_octave = 0;    ///< without range_gate; in [0, levels)
   int finer_octaves = 1;    ///< candidates are keypoints from so many octaves below the predicted one ...
   int coarser_octaves = 0;  ///< ... to so many above
+  /// Which points must fit the pixel.
   projection_gate gate = projection_gate::uncertain;
   double mono_chi2 = 5.991;       ///< 95 %, 2 dof
   double stereo_chi2 = 7.815;     ///< 95 %, 3 dof
@@ -52,6 +54,7 @@ struct projection_options {
   bool one_to_one = true;     ///< a keypoint goes to the point of least (distance, index); the others go without
   bool keep_trials = false;   ///< keep the outcome of every (target, camera, point), not only the matches
 
+  /// Whether map_point_view::normal is read.
   TURBOMAP_HD constexpr bool reads_normals() const { return min_view_cosine > -1 || oblique_factor != 1; }
   /// \param uncertain  the point has a covariance
   TURBOMAP_HD constexpr bool is_gated(bool uncertain) const {
@@ -82,7 +85,7 @@ enum class projection_outcome : std::uint16_t {  // 16 bits: a trial has no byte
 /// Map points in host memory, one array per field.
 template <class Descriptor>
 struct map_point_view {
-  int count = 0;
+  int count = 0;                           ///< of points
   const vec3<double>* position = nullptr;  ///< count; world, m
   const vec3<float>* normal = nullptr;     ///< count; mean of the unit rays camera -> point, world, not normalised
   const float* min_distance = nullptr;  ///< count; m, the range in which the pyramid sees the point, before any factor
@@ -94,8 +97,8 @@ struct map_point_view {
 /// A frame or keyframe in which the points are looked for.
 template <class Descriptor, class Camera>
 struct projection_target {
-  keyframe_view<Descriptor, Camera> view;
-  rigid_transform<double> T_cw;  ///< world to camera (to body for a rig with T_camera_body)
+  keyframe_view<Descriptor, Camera> view;  ///< in the memory of the policy
+  rigid_transform<double> T_cw;            ///< world to camera (to body for a rig with T_camera_body)
   /// In host memory, [camera][point]; not 0: the point is observed in that camera already, or not to be looked for. Empty:
   /// none is.
   span<const std::uint8_t> skip = {};
@@ -106,16 +109,17 @@ struct projection_target {
 /// One match: point `point` looks like keypoint `keypoint`, which camera `camera` of target number `target` saw.
 template <class Distance>
 struct projection_match {
-  std::int32_t target;
-  std::int32_t camera;
-  std::int32_t point;
-  std::int32_t keypoint;
-  Distance distance;
+  std::int32_t target;    ///< number among the targets
+  std::int32_t camera;    ///< of the target
+  std::int32_t point;     ///< number in the map_point_view
+  std::int32_t keypoint;  ///< of the target
+  Distance distance;      ///< of the descriptors
 };
 
 /// One point in one camera of one target: the full story.
 template <class Distance>
 struct projection_trial {
+  /// Where it ended.
   projection_outcome outcome;
   std::int16_t level;     ///< predicted octave; -1: not predicted (rejected before, or without range_gate)
   std::int32_t keypoint;  ///< the best one, also where too_different; -1: none
@@ -126,6 +130,7 @@ struct projection_trial {
 /// has; of any other descriptor the worst there is.
 template <class Descriptor>
 inline constexpr typename Descriptor::distance_type no_match_distance = Descriptor::worst;
+/// Of binary descriptors.
 template <int Bits>
 inline constexpr std::int32_t no_match_distance<binary_descriptor<Bits>> = Bits;
 

@@ -58,12 +58,13 @@ enum class initialisation_end : unsigned char {
 
 /// What initialise_inertial() found. The world is that of the given poses, but metric: positions are `scale` times those given.
 struct initialisation {
+  /// That it was initialised, or why not.
   initialisation_end end = initialisation_end::too_few_keyframes;
-  int edge = -1;                  ///< where the IMU was interrupted
-  double seconds = 0;             ///< from the first keyframe to the last
-  double scale = 1;               ///< metres per unit of the poses; 1 where it was not asked for
-  vec3<double> gravity{0, 0, 0};  ///< in the world of the poses, m/s^2
-  imu_bias<double> bias{};
+  int edge = -1;                        ///< where the IMU was interrupted
+  double seconds = 0;                   ///< from the first keyframe to the last
+  double scale = 1;                     ///< metres per unit of the poses; 1 where it was not asked for
+  vec3<double> gravity{0, 0, 0};        ///< in the world of the poses, m/s^2
+  imu_bias<double> bias{};              ///< of the IMU
   plain_vector<vec3<double>> velocity;  ///< of the IMU in the world of the poses, per keyframe, m/s
 
   /// \name Standard deviations of the result
@@ -79,11 +80,13 @@ struct initialisation {
   double chi2 = 0;                                ///< sum of the squared whitened residuals ...
   int degrees_of_freedom = 0;                     ///< ... which should be about this
   /// @}
+  /// Of Gauss-Newton.
   int iterations = 0;
   /// The estimate of the bias is so far from that of the preintegrations that they should be integrated again at `bias`
   /// (preintegration_options), and this called again: until then the result is right to first order.
   bool integrate_again = false;
 
+  /// True when it was initialised.
   explicit operator bool() const { return end == initialisation_end::initialised; }
 };
 

@@ -21,14 +21,17 @@ enum class initialisation_step : unsigned char {
 
 /// Times after the first initialisation, s [ORB-SLAM3; Campos et al. 2020].
 struct initialisation_times {
-  double first_refinement = 5, second_refinement = 15;
-  /// One camera: from the second refinement on the scale is estimated again, so often and so long.
-  double scale_every = 10, scale_until = 100;
+  double first_refinement = 5;    ///< from the metric map
+  double second_refinement = 15;  ///< from the metric map
+  double scale_every = 10;   ///< one camera: so often the scale is estimated again, from the second refinement on ...
+  double scale_until = 100;  ///< ... so long
 };
 
 /// Says what is due at a keyframe. A plain value: copy it to save it.
 class initialisation_schedule {
  public:
+  /// \param monocular  one camera: the scale is estimated again later
+  /// Throws std::invalid_argument for times that do not rise.
   explicit initialisation_schedule(bool monocular = false, const initialisation_times& times = {})
       : monocular_(monocular), times_(times) {
     require(times.first_refinement > 0, "times.first_refinement", times.first_refinement, "must be positive");
@@ -37,7 +40,9 @@ class initialisation_schedule {
     require(times.scale_every > 0, "times.scale_every", times.scale_every, "must be positive");
   }
 
+  /// Whether the first step succeeded.
   bool initialised() const { return initialised_; }
+  /// \param t_ns  time of the keyframe
   initialisation_step due(std::int64_t t_ns) const {
     if (!initialised_) return initialisation_step::initialise;
     const double since = static_cast<double>(t_ns - first_ns_) * 1e-9;

@@ -30,8 +30,8 @@ enum class integration_rule : unsigned char {
 
 /// Options of preintegrate() and imu_integrator.
 struct preintegration_options {
-  imu_noise noise;
-  integration_rule rule = integration_rule::midpoint;
+  imu_noise noise;                                     ///< of the IMU
+  integration_rule rule = integration_rule::midpoint;  ///< which orientation a step has
   /// Longest time between two samples, s. Ours: ten periods at 200 Hz. In between the measurements are taken from a
   /// line.
   double max_gap = 0.05;

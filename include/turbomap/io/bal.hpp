@@ -28,15 +28,18 @@ namespace turbomap {
 struct bal_camera {
   vec3<double> rotation;     ///< axis times angle, rad; world to camera
   vec3<double> translation;  ///< m
-  double f, k1, k2;          ///< px; radial coefficients
+  double f;                  ///< focal length, px
+  double k1;                 ///< radial, of r^2
+  double k2;                 ///< radial, of r^4
 };
 
 /// A whole problem. Every index is inside its array, every number and every angle finite.
 struct bal_problem {
-  std::vector<bal_camera> cameras;
-  std::vector<vec3<double>> points;         ///< world, m
-  std::vector<std::int32_t> camera, point;  ///< one row per observation
-  std::vector<vec2<double>> pixel;          ///< relative to the image centre, y up
+  std::vector<bal_camera> cameras;   ///< by number
+  std::vector<vec3<double>> points;  ///< world, m
+  std::vector<std::int32_t> camera;  ///< of each observation
+  std::vector<std::int32_t> point;   ///< of each observation
+  std::vector<vec2<double>> pixel;   ///< of each observation; relative to the image centre, y up
 };
 
 }  // namespace turbomap

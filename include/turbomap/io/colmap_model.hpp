@@ -25,23 +25,26 @@ namespace turbomap {
 /// Pixels are shifted by half a one against the files, so that the centre of the upper left pixel is (0, 0), as in OpenCV;
 /// there it is (0.5, 0.5).
 struct colmap_camera {
-  int width = 0, height = 0;
+  int width = 0;                ///< px
+  int height = 0;               ///< px
   brown_conrady<double> model;  ///< of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL and OPENCV
 };
 /// A keypoint of an image.
 struct colmap_observation {
-  vec2<double> pixel;
+  vec2<double> pixel;  ///< shifted as said above
   std::int64_t point;  ///< id in colmap_model::points, -1: none
 };
+/// An image with its pose.
 struct colmap_image {
-  std::string name;  ///< of the file
-  int camera = 0;    ///< id in colmap_model::cameras
-  rigid_transform<double> T_cw;
-  std::vector<colmap_observation> observations;
+  std::string name;                              ///< of the file
+  int camera = 0;                                ///< id in colmap_model::cameras
+  rigid_transform<double> T_cw;                  ///< world to camera
+  std::vector<colmap_observation> observations;  ///< its keypoints
 };
+/// A model, by the ids of its files.
 struct colmap_model {
-  std::map<int, colmap_camera> cameras;
-  std::map<int, colmap_image> images;
+  std::map<int, colmap_camera> cameras;         ///< of all images
+  std::map<int, colmap_image> images;           ///< with poses
   std::map<std::int64_t, vec3<double>> points;  ///< world
 };
 

@@ -29,9 +29,10 @@ namespace turbomap {
 /// A sequence: frames in the order of the pose file, the first one fixed; landmarks in the order in which they are
 /// first seen, placed where that first frame saw them. All observations are stereo, of sigma 1 px.
 struct kitti_stereo_problem {
-  mono_rig<pinhole<double>> rig;
-  reprojection_data data;
-  std::vector<std::int64_t> frame_id, landmark_id;  ///< those of the files
+  mono_rig<pinhole<double>> rig;          ///< the left camera, with the baseline
+  reprojection_data data;                 ///< frames, landmarks, observations
+  std::vector<std::int64_t> frame_id;     ///< those of the files
+  std::vector<std::int64_t> landmark_id;  ///< those of the files
 };
 
 }  // namespace turbomap

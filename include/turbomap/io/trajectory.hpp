@@ -22,8 +22,8 @@ namespace turbomap {
 
 /// A pose at a time: the body in the world, `T_wb`.
 struct stamped_pose {
-  std::int64_t t_ns = 0;
-  rigid_transform<double> T_wb;
+  std::int64_t t_ns = 0;         ///< time, ns
+  rigid_transform<double> T_wb;  ///< body to world, m
 };
 
 }  // namespace turbomap

@@ -33,6 +33,7 @@ enum class map_fault : std::uint8_t {
   no_descriptor              ///< a point without descriptor, or with one of too few elements
 };
 
+/// The words of a fault, e.g. for a log.
 inline const char* to_string(map_fault fault) {
   switch (fault) {
     case map_fault::slot_of_dead_point:
@@ -67,12 +68,13 @@ inline const char* to_string(map_fault fault) {
 
 /// One fault, with the ids of keyframe and point and the keypoint; 0 what it is not about.
 struct map_violation {
-  map_fault fault;
-  std::uint64_t keyframe;
-  std::uint64_t point;
-  std::size_t keypoint;
+  map_fault fault;         ///< what is wrong
+  std::uint64_t keyframe;  ///< id
+  std::uint64_t point;     ///< id
+  std::size_t keypoint;    ///< of the keyframe
 };
 
+/// The fault in words, with keyframe, keypoint and point.
 inline std::string to_string(const map_violation& v) {
   std::string text = to_string(v.fault);
   text.append(": keyframe ").append(printed(v.keyframe)).append(", keypoint ").append(printed(v.keypoint));
@@ -82,18 +84,24 @@ inline std::string to_string(const map_violation& v) {
 /// A commit was refused because the part of the map that it concerns contradicts itself, or a stage because it cannot use what
 /// it read; the map is unchanged.
 struct inconsistent_map : std::invalid_argument {
+  /// What it says is to_string() of the violation.
   explicit inconsistent_map(const map_violation& v)
       : std::invalid_argument(std::string("turbomap: map: ").append(to_string(v))), violation(v) {}
-  map_violation violation;
+  map_violation violation;  ///< why it was refused
 };
 
 /// Faults, each once, in the order in which they were noted first. One keyframe that died unreported may make thousands.
 class fault_list {
  public:
+  /// True when nothing was noted.
   bool empty() const { return faults_.empty(); }
+  /// Faults that differ.
   std::size_t size() const { return faults_.size(); }
+  /// The first one.
   const map_violation* begin() const { return faults_.begin(); }
+  /// Behind the last one.
   const map_violation* end() const { return faults_.end(); }
+  /// \param i  below size(); not checked
   const map_violation& operator[](std::size_t i) const { return faults_[i]; }
 
   /// Appends it unless it is there. Amortised O(1). Throws std::bad_alloc.

@@ -104,6 +104,7 @@ enum class point_data : unsigned {
   appearance = 4,    ///< normal, range, descriptor
   octave_counts = 8  ///< how often it is seen at each octave
 };
+/// The set of both, as prefetch() of the traits gets it.
 constexpr unsigned operator+(point_data a, point_data b) { return static_cast<unsigned>(a) | static_cast<unsigned>(b); }
 
 }  // namespace turbomap

@@ -26,6 +26,7 @@ struct merge_tolerance {
   /// Of points whose covariances the map keeps: largest squared distance, by the sum of both. 99.9 %, 3 dof. 0: any. For
   /// positions that fit all their views best: without adjustment they do not, and true duplicates are refused.
   double position_chi2 = 16.27;
+  /// Of the pyramid.
   float scale_factor = pyramid{}.scale_factor;
 };
 

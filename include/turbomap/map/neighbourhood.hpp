@@ -26,7 +26,9 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map>
 class neighbourhood {
  public:
+  /// Of the map.
   using traits = map_traits<Map>;
+  /// A name of a keyframe.
   using keyframe = typename traits::keyframe;
 
   /// The best covisible keyframes of `query`, most shared points first, then its predecessors in time (with previous() of the

@@ -16,8 +16,11 @@ namespace turbomap {
 /// Times of one stage over many keyframes.
 class duration_statistics {
  public:
+  /// Amortised O(1).
   void add(double ms) { samples_.push_back(ms); }
+  /// How many were added.
   std::size_t count() const { return samples_.size(); }
+  /// 0 without samples.
   double mean() const {
     double sum = 0;
     for (const double t : samples_) sum += t;
@@ -31,6 +34,7 @@ class duration_statistics {
     std::nth_element(copy.begin(), at, copy.end());
     return *at;
   }
+  /// All, in the order in which they were added.
   const plain_vector<double>& samples() const { return samples_; }
 
  private:

@@ -22,6 +22,7 @@ enum class fusion_mode : std::uint8_t {
 
 /// Options of a commit of duplicates.
 struct fusion_commit_options {
+  /// Of points that one camera sees at two keypoints.
   merge_rule merges = merge_rule::refuse_apart;
   merge_tolerance tolerance;  ///< of merge_rule::refuse_apart
   /// The stage applies so many entries of its plan while it holds the guard once, so that others may enter in between; each
@@ -31,9 +32,9 @@ struct fusion_commit_options {
 
 /// Options of duplicate_fusion.
 struct fusion_options {
-  fusion_mode mode = fusion_mode::snapshot;
-  duplicate_options search;
-  fusion_commit_options commit;
+  fusion_mode mode = fusion_mode::snapshot;  ///< when searches see what commits did
+  duplicate_options search;                  ///< what a duplicate is
+  fusion_commit_options commit;              ///< what is done with one
   /// The gate allows for how badly a point is known: as the map keeps it, or, where its traits have no covariances, by the
   /// pixels that show the point. False: all points are exact [ORB-SLAM3].
   bool covariances = false;
@@ -43,8 +44,14 @@ struct fusion_options {
 
 /// The counts of one or more commits.
 struct fusion_summary {
-  std::size_t entries = 0, observations_added = 0, merged = 0, stale = 0, already_observed = 0, conflicts = 0;
+  std::size_t entries = 0;             ///< duplicates that were found
+  std::size_t observations_added = 0;  ///< their keypoint had no point
+  std::size_t merged = 0;              ///< their keypoint had another point: one is left of the two
+  std::size_t stale = 0;               ///< point or keyframe had left the map
+  std::size_t already_observed = 0;    ///< the camera sees the point at a keypoint
+  std::size_t conflicts = 0;           ///< merges that fusion_commit_options::merges refused
 
+  /// The sums.
   fusion_summary& operator+=(const fusion_summary& o) {
     entries += o.entries, observations_added += o.observations_added, merged += o.merged;
     stale += o.stale, already_observed += o.already_observed, conflicts += o.conflicts;

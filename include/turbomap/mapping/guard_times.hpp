@@ -11,10 +11,11 @@ namespace turbomap {
 
 /// How often, in all and at most at once the guard of a map was held, in milliseconds.
 struct guard_times {
-  std::size_t count = 0;
-  double total_ms = 0;
-  double longest_ms = 0;
+  std::size_t count = 0;  ///< how often
+  double total_ms = 0;    ///< in all
+  double longest_ms = 0;  ///< at most at once
 
+  /// It was held once more.
   void add(double ms) {
     ++count;
     total_ms += ms;

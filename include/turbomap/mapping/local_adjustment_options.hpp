@@ -14,7 +14,7 @@ namespace turbomap {
 
 /// Options of local_adjustment. Defaults are those of [ORB-SLAM3].
 struct local_adjustment_options {
-  adjustment_options solve;
+  adjustment_options solve;    ///< of the solver; changed below as [ORB-SLAM3] has it
   pyramid scales;              ///< information of a keypoint: scale_factor^(-2 octave) px^-2
   int min_shared_points = 15;  ///< keyframes that share so many with the current one move with it
   /// Keyframes that share so many with one of those move too: where a place is seen again, the error of the way there is
@@ -39,6 +39,7 @@ struct local_adjustment_options {
   /// in between: the poses first. Chosen for less than 1 ms on one core of 2025; 0: always all while the guard is held once.
   int points_per_guard = 4096;
 
+  /// The defaults.
   local_adjustment_options() {
     solve.min_relative_decrease = 1e-3;  // three slow iterations in a row end it
     solve.damping = damping_rule::identity;
@@ -47,13 +48,16 @@ struct local_adjustment_options {
 
 /// What one local adjustment did.
 struct local_adjustment_summary {
-  adjustment_summary solve;
-  bool inertial = false;           ///< the IMU took part: by inertial_adjustment, once it is initialised
-  std::size_t inertial_edges = 0;  ///< between keyframes that follow each other in time
-  std::size_t free_keyframes = 0, fixed_keyframes = 0, points = 0, observations = 0;
-  std::size_t outliers = 0;       ///< observations taken out of the map
-  std::size_t points_erased = 0;  ///< that outliers left with too few
-  bool stale = false;             ///< a free keyframe was moved or erased meanwhile: nothing was written from then on
+  adjustment_summary solve;         ///< of the solver
+  bool inertial = false;            ///< the IMU took part: by inertial_adjustment, once it is initialised
+  std::size_t inertial_edges = 0;   ///< between keyframes that follow each other in time
+  std::size_t free_keyframes = 0;   ///< that could move
+  std::size_t fixed_keyframes = 0;  ///< that see the same points
+  std::size_t points = 0;           ///< that could move
+  std::size_t observations = 0;     ///< of those points by those keyframes
+  std::size_t outliers = 0;         ///< observations taken out of the map
+  std::size_t points_erased = 0;    ///< that outliers left with too few
+  bool stale = false;               ///< a free keyframe was moved or erased meanwhile: nothing was written from then on
 };
 
 }  // namespace turbomap

@@ -22,6 +22,7 @@ class time_budget {
     begin_ = clock::now();
     deadline_ms_ = deadline_ms > 0 ? deadline_ms : std::numeric_limits<double>::infinity();
   }
+  /// Since start().
   double elapsed_ms() const { return std::chrono::duration<double, std::milli>(clock::now() - begin_).count(); }
   /// Whether `amount` units of piece `piece` are expected to end in time. A piece never seen is tried if any time is left.
   bool fits(std::size_t piece, double amount = 1) const {

@@ -43,6 +43,7 @@ enum class creation_rule : std::uint8_t {
 /// Options of create_points() and create_track_points(). Defaults are those of [ORB-SLAM3] where it has them.
 struct creation_options {
   creation_rule rule = creation_rule::tracks;  ///< of the stage; each of the two functions has its own
+  /// Of the keypoints.
   pyramid scales;
   double max_parallax_cosine = 0.9998;  ///< monocular matches need more parallax than this; 0.9996 in inertial systems
   double mono_chi2 = 5.991;             ///< gate of reprojection error^2 / sigma2, 95 %, 2 dof
@@ -68,12 +69,12 @@ struct creation_options {
 
 /// One match of the search with what became of it.
 struct created_point {
-  std::int32_t neighbour;
-  std::int32_t query;
-  std::int32_t candidate;
-  creation_outcome outcome;
-  creation_method method;
-  vec3<double> position;  ///< world, m; meaningful once a method is named
+  std::int32_t neighbour;    ///< number of the neighbour
+  std::int32_t query;        ///< keypoint of the query
+  std::int32_t candidate;    ///< keypoint of the neighbour
+  creation_outcome outcome;  ///< accepted, or why not
+  creation_method method;    ///< where the position comes from
+  vec3<double> position;     ///< world, m; meaningful once a method is named
 };
 
 /// Which points of the map the keypoints of a search see, on the host: for known landmarks.

@@ -29,9 +29,9 @@ namespace turbomap {
 template <class Descriptor, class Camera>
 class simple_map {
  public:
-  using descriptor_type = Descriptor;
-  using camera_type = Camera;
-  using element = typename Descriptor::element;
+  using descriptor_type = Descriptor;            ///< of keypoints and points.
+  using camera_type = Camera;                    ///< of keyframes.
+  using element = typename Descriptor::element;  ///< of a descriptor.
 
   /// \param levels  of the image pyramid: observations are counted by octave
   explicit simple_map(int levels = pyramid{}.levels) : levels_(static_cast<std::size_t>(levels)) {
@@ -84,13 +84,17 @@ class simple_map {
     return {p, point_places_.generation(p)};
   }
 
+  /// Whether it is in the map; an id that never was one is not.
   bool alive(map_keyframe_id k) const {
     return keyframe_places_.known(k.index, k.generation) && keyframe_places_.alive(k.index);
   }
+  /// Whether it is in the map; an id that never was one is not.
   bool alive(map_point_id p) const {
     return point_places_.known(p.index, p.generation) && point_places_.alive(p.index);
   }
+  /// Keyframes in the map.
   std::size_t keyframe_count() const { return keyframe_places_.alive_count(); }
+  /// Points in the map.
   std::size_t point_count() const { return point_places_.alive_count(); }
   /// Of all points. O(points).
   std::size_t observation_count() const {
@@ -98,12 +102,18 @@ class simple_map {
     for (std::size_t p = 0; p < points_.size(); ++p) count += observations_.of(p).size();
     return count;
   }
+  /// Of the image pyramid.
   int levels() const { return static_cast<int>(levels_); }
 
+  /// World to camera, or to body, m. What follows throws std::invalid_argument for an id that is not alive.
   const rigid_transform<double>& T_cw(map_keyframe_id k) const { return at(k).T_cw; }
+  /// The pose from now on; not checked.
   void set_pose(map_keyframe_id k, const rigid_transform<double>& T_cw) { at(k).T_cw = T_cw; }
+  /// Those of add_keyframe().
   span<const keypoint> keypoints(map_keyframe_id k) const { return {at(k).keypoints.data(), at(k).keypoints.size()}; }
+  /// World, m.
   const vec3<double>& position(map_point_id p) const { return positions_[checked(p)]; }
+  /// Valid until the map changes.
   span<const observation> observations(map_point_id p) const { return observations_.of(checked(p)); }
   /// The point that a keypoint sees, map_point_id{} for none.
   map_point_id point_at(map_keyframe_id k, std::size_t keypoint) const {
