@@ -27,6 +27,12 @@ struct circular_map : inertial_map {
   using inertial_map::inertial_map;
   turbomap::map_keyframe_id first, last;
 };
+/// One point has no descriptor yet.
+struct bare_point_map : inertial_map {
+  using inertial_map::inertial_map;
+  turbomap::map_point_id bare;
+  int set_without_descriptor = 0;
+};
 
 }  // namespace turbomap_test
 
@@ -55,6 +61,21 @@ struct turbomap::map_traits<turbomap_test::circular_map> : turbomap::map_traits<
 template <>
 struct turbomap::inertial_traits<turbomap_test::circular_map> : turbomap::inertial_traits<turbomap_test::inertial_map> {
 };
+template <>
+struct turbomap::map_traits<turbomap_test::bare_point_map> : turbomap::map_traits<turbomap_test::inertial_map> {
+  using base = turbomap::map_traits<turbomap_test::inertial_map>;
+  static const element* descriptor_data(const turbomap_test::bare_point_map& m, point p) {
+    return p == m.bare ? nullptr : base::descriptor_data(m, p);
+  }
+  static void set_appearance(turbomap_test::bare_point_map& m, point p, const turbomap::vec3<float>& normal, float min,
+                             float max, const element* d) {
+    if (d == nullptr) return void(++m.set_without_descriptor);
+    base::set_appearance(m, p, normal, min, max, d);
+  }
+};
+template <>
+struct turbomap::inertial_traits<turbomap_test::bare_point_map>
+    : turbomap::inertial_traits<turbomap_test::inertial_map> {};
 
 namespace {
 
@@ -112,6 +133,22 @@ TEST_CASE("gravity, velocities, biases and the scale are those of the truth") {
     CHECK(c.zy == doctest::Approx(5 / (unit * unit)).epsilon(0.02));
     CHECK(turbomap::validate(s.map).empty());
   }
+}
+
+TEST_CASE("a point without a descriptor is scaled, and its appearance left alone") {
+  const auto s = visual_scene(0.2);
+  bare_point_map map(8, s.map.T_bc());
+  static_cast<inertial_map&>(map) = s.map;
+  map.bare = s.points[1];
+  const auto before = s.map.position(map.bare);
+  turbomap::initialisation_options options;
+  options.monocular = true;
+  turbomap::inertial_initialisation<bare_point_map> initialise;
+  const auto& found = initialise(map, s.keyframes.back(), options);
+  REQUIRE(found.end == initialisation_end::initialised);
+  CHECK(map.set_without_descriptor == 0);
+  CHECK(map.position(map.bare).x == doctest::Approx(found.scale * before.x));
+  CHECK(map.position(map.bare).z == doctest::Approx(found.scale * before.z));
 }
 
 TEST_CASE("a repetition that finds nothing: what was found before it stands") {

@@ -176,8 +176,9 @@ class inertial_initialisation {
     const float nearest = s * traits::min_distance(map, p), farthest = s * traits::max_distance(map, p);
     traits::set_position(map, p, {scale * x.x, scale * x.y, scale * x.z});
     const auto& given = traits::descriptor_data(map, p);  // valid until the next call: asked for last
-    traits::set_appearance(map, p, {n.x, n.y, n.z}, nearest, farthest,
-                           detail::elements_of<typename traits::descriptor>(given));
+    const auto* const kept = detail::elements_of<typename traits::descriptor>(given);
+    if (kept != nullptr)  // else it has no appearance yet
+      traits::set_appearance(map, p, {n.x, n.y, n.z}, nearest, farthest, kept);
     if constexpr (detail::map_has_v<Map, detail::map_covariance_member>) {
       const point_covariance c = traits::covariance(map, p);
       const float q = s * s;
