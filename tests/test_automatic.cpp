@@ -122,10 +122,49 @@ TEST_CASE("given crossovers and pinned sides are kept to, and nothing is measure
   CHECK(run(both, work_kind::search, 1) == work_side::device);
 }
 
-TEST_CASE("work that throws is not measured, and work may return nothing or what only moves") {
+/// Throws on one side.
+struct broken_work {
+  work_side side;
+  template <class Policy>
+  work_side operator()(turbomap::context<Policy>&) const {
+    const work_side here = std::is_same_v<Policy, far_policy> ? work_side::device : work_side::host;
+    if (here == side) throw std::runtime_error("no");
+    return here;
+  }
+};
+
+TEST_CASE("a side that throws is not faster: its errors reach the caller, then the other side is taken") {
+  for (const work_side broken : {work_side::host, work_side::device}) {
+    both_sides both({}, {});
+    int errors = 0;
+    for (int i = 0; i < 2 * turbomap::crossover_measurement::samples; ++i) {
+      try {
+        const work_side ran = both.run(work_kind::search, 1, broken_work{broken});
+        CHECK(ran != broken);
+      } catch (const std::runtime_error&) {
+        ++errors;
+      }
+    }
+    CHECK(errors == turbomap::crossover_measurement::samples);
+    CHECK(both.side(work_kind::search, 1) != broken);
+    CHECK(both.measured().side(work_kind::search, 1) != broken);
+  }
+}
+
+TEST_CASE("one error counts as a slow call, and as none where nothing is measured") {
   both_sides both({}, {});
-  CHECK_THROWS_AS(both.run(work_kind::search, 1, [](auto&) { throw std::runtime_error("no"); }), std::runtime_error);
-  CHECK(both.side(work_kind::search, 1) == work_side::host);  // still the first
+  both.pin(work_side::host);
+  CHECK_THROWS_AS(both.run(work_kind::search, 1, broken_work{work_side::host}), std::runtime_error);
+  both.measure();
+  CHECK(both.side(work_kind::search, 1) == work_side::host);
+  CHECK_THROWS_AS(both.run(work_kind::search, 1, broken_work{work_side::host}), std::runtime_error);
+  CHECK(both.side(work_kind::search, 1) == work_side::device);
+  for (int i = 0; i < 20; ++i) run(both, work_kind::search, 1);
+  CHECK(both.side(work_kind::search, 1) == work_side::host);
+}
+
+TEST_CASE("work may return nothing or what only moves") {
+  both_sides both({}, {});
   int calls = 0;
   both.run(work_kind::search, 1, [&calls](auto&) { ++calls; });
   CHECK(calls == 1);

@@ -7,6 +7,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <limits>
 #include <type_traits>
 #include <utility>
 
@@ -46,7 +47,8 @@ class automatic {
     return choice_ == choice::known ? known_.side(kind, amount) : times_.next(kind, amount);
   }
   /// Calls work(ctx) with the context that is faster. `work` puts its data where that context computes, and copies the result
-  /// out; its type is the same for both. While it is measured, the call also waits for the context.
+  /// out; its type is the same for both. While it is measured, the call also waits for the context, and work that throws counts
+  /// as infinitely slow there. Throws what work throws.
   template <class Work>
   auto run(work_kind kind, double amount, Work&& work) {
     const work_side where = side(kind, amount);
@@ -67,13 +69,18 @@ class automatic {
     template <class Context, class Work>
     auto run(Context& ctx, Work& work) const {
       const auto begin = on ? Clock::now() : typename Clock::time_point{};
-      if constexpr (std::is_void_v<decltype(work(ctx))>) {
-        work(ctx);
-        stop(ctx, begin);
-      } else {
-        auto result = work(ctx);
-        stop(ctx, begin);
-        return result;
+      try {
+        if constexpr (std::is_void_v<decltype(work(ctx))>) {
+          work(ctx);
+          stop(ctx, begin);
+        } else {
+          auto result = work(ctx);
+          stop(ctx, begin);
+          return result;
+        }
+      } catch (...) {  // counted, so that the next call of this size tries the other side
+        if (on) all.times_.record(kind, amount, where, std::numeric_limits<double>::infinity());
+        throw;
       }
     }
     template <class Context>
