@@ -290,6 +290,16 @@ TEST_CASE("an unreported change of a reference is seen before its keyframe goes"
   }
 }
 
+TEST_CASE("names of nothing, and those that the mirror never gave, may be prefetched") {
+  const furnished f(5);
+  const auto everything = (turbomap::point_data::entry + turbomap::point_data::views) |
+                          static_cast<unsigned>(turbomap::point_data::appearance);
+  for (const turbomap::map_point_id p : {turbomap::map_point_id{}, turbomap::map_point_id{1000000, 1}}) {
+    traits::prefetch(f.m, p, everything);
+    CHECK_FALSE(traits::alive(f.m, p));
+  }
+}
+
 TEST_CASE("a merge of others is followed through points that the mirror has never seen") {
   furnished f(5);
   auto& map = f.m.objects;

@@ -60,7 +60,8 @@
 ///       static void reserve_observations(my::Map&, point, std::size_t more);  // may throw: add_observation then does not
 ///       static std::size_t index(const my::Map&, keyframe);           // small and unique among the living, e.g. a place in
 ///       static std::size_t index(const my::Map&, point);              //    an array: replaces tables of ids
-///       static void prefetch(const my::Map&, point, unsigned what);   // asks memory for what is read soon: see point_data
+///       static void prefetch(const my::Map&, point, unsigned what);   // asks memory for what is read soon: see point_data.
+///                                                                     // The point may be dead, or its memory gone
 ///       static turbomap::point_covariance covariance(const my::Map&, point);   // how well its position is known; these
 ///       static void set_covariance(my::Map&, point, const turbomap::point_covariance&);        // two: both or neither
 ///       static float found_ratio(const my::Map&, point);              // found / visible in tracking; else taken as 1
@@ -97,12 +98,13 @@ struct map_traits {
   using turbomap_not_specialised = void;  ///< only here, so that a missing specialisation is found.
 };
 
-/// What is read soon of a point, for prefetch() of the traits. Sums are given.
+/// What is read soon of a point, for prefetch() of the traits. Sums are given. The point is never point{}, but it may be dead, or
+/// its memory gone. __builtin_prefetch does no harm at any address, a read does: prefetch() reads only where it has checked that
+/// it may, for example an array at an index below its size.
 enum class point_data : unsigned {
-  entry = 1,         ///< whether it is alive, its position, its reference, where its observations are
-  views = 2,         ///< its observations; `entry` of the same point was asked for some points before
-  appearance = 4,    ///< normal, range, descriptor
-  octave_counts = 8  ///< how often it is seen at each octave
+  entry = 1,      ///< whether it is alive, its position, its reference, where its observations are
+  views = 2,      ///< its observations; `entry` of the same point was asked for some points before
+  appearance = 4  ///< normal, range, descriptor
 };
 /// The set of both, as prefetch() of the traits gets it.
 constexpr unsigned operator+(point_data a, point_data b) { return static_cast<unsigned>(a) | static_cast<unsigned>(b); }

@@ -25,20 +25,25 @@ struct nothing_else {
 }  // namespace detail
 
 /// Calls visit(i, at(i)) for 0 <= i < count. \tparam What  what visit() reads of a point, a sum of point_data
-/// \param at    at(i): the i-th point, or none. Asked several times, so it must be cheap
-/// \param also  also(point): asks for what else visit() reads
+/// \param at    at(i): the i-th point, or none, or one that is gone. Asked several times, so it must be cheap
+/// \param also  also(point): asks for what else visit() reads; not called for none
 template <unsigned What, class Map, class At, class Visit, class Also = detail::nothing_else>
 void for_each_ahead([[maybe_unused]] const Map& map, std::size_t count, At at, Visit visit,
                     [[maybe_unused]] Also also = {}) {
   if constexpr (detail::map_has_v<Map, detail::map_prefetch_member>) {
     using traits = map_traits<Map>;
     constexpr auto views = static_cast<unsigned>(point_data::views);
-    const auto ask = [&](const auto& point) { traits::prefetch(map, point, What & ~views), also(point); };
+    const typename traits::point none{};  // what traits never get
+    const auto ask = [&](const auto& point) {
+      if (!(point == none)) traits::prefetch(map, point, What & ~views), also(point);
+    };
+    const auto ask_views = [&](const auto& point) {
+      if (!(point == none)) traits::prefetch(map, point, views);
+    };
     for (std::size_t i = 0; i < detail::ahead_far && i < count; ++i) ask(at(i));
     for (std::size_t i = 0; i < count; ++i) {
       if (i + detail::ahead_far < count) ask(at(i + detail::ahead_far));
-      if ((What & views) != 0 && i + detail::ahead_near < count)
-        traits::prefetch(map, at(i + detail::ahead_near), views);
+      if ((What & views) != 0 && i + detail::ahead_near < count) ask_views(at(i + detail::ahead_near));
       visit(i, at(i));
     }
   } else {

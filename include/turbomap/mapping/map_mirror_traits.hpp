@@ -156,8 +156,8 @@ struct map_traits<map_mirror<Map>> {
     m.counts_[m.at(p) * m.levels_ + static_cast<std::size_t>(octave)] += static_cast<std::uint32_t>(change);
   }
   static void prefetch(const mirror& m, point p, unsigned what) {
-    if (p.index < 0) return;
     const std::size_t i = m.at(p);
+    if (i >= m.points_.size()) return;  // none, or of another map
     const auto wants = [what](point_data d) { return (what & static_cast<unsigned>(d)) != 0; };
     if (wants(point_data::entry)) {
       m.point_places_.prefetch(p.index), m.lists_.prefetch_place(i);
@@ -168,7 +168,6 @@ struct map_traits<map_mirror<Map>> {
       __builtin_prefetch(&m.normals_[i]), __builtin_prefetch(&m.ranges_[i]);
       __builtin_prefetch(m.descriptors_.data() + i * mirror::elements);
     }
-    if (wants(point_data::octave_counts)) __builtin_prefetch(m.counts_.data() + i * m.levels_);
   }
   template <class F>
   static void for_each_observation(const mirror& m, point p, F f) {

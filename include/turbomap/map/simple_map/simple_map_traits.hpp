@@ -74,8 +74,8 @@ struct map_traits<simple_map<Descriptor, Camera>> {
     return m.add_point(position, reference);
   }
   static void prefetch(const map& m, point p, unsigned what) {
-    if (p.index < 0) return;
     const std::size_t i = at(p);
+    if (i >= m.points_.size()) return;  // none, or of another map
     const auto wants = [what](point_data d) { return (what & static_cast<unsigned>(d)) != 0; };
     if (wants(point_data::entry)) {
       m.point_places_.prefetch(p.index), m.observations_.prefetch_place(i);
@@ -86,7 +86,6 @@ struct map_traits<simple_map<Descriptor, Camera>> {
       __builtin_prefetch(&m.normals_[i]), __builtin_prefetch(&m.ranges_[i]);
       __builtin_prefetch(m.descriptors_.data() + i * map::elements);
     }
-    if (wants(point_data::octave_counts)) __builtin_prefetch(m.counts_.data() + i * m.levels_);
   }
   template <class F>
   static void for_each_observation(const map& m, point p, F f) {
