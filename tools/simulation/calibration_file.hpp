@@ -19,7 +19,8 @@
 
 namespace turbomap::simulation {
 
-/// The fields of `cam0:` and `cam1:` blocks: all numbers of a key (over `- [..]` lines too), and its text.
+/// The fields of a block such as `cam0:`: all numbers of a key (over `- [..]` lines too), and its text. What stands on the
+/// block's own line has the key "".
 struct calibration_block {
   std::map<std::string, std::vector<double>> numbers;
   std::map<std::string, std::string> text;
@@ -49,11 +50,12 @@ inline std::map<std::string, calibration_block> read_calibration_blocks(const st
     const std::size_t colon = line.find(':');
     if (first == 0 && colon != std::string::npos) {
       block = line.substr(0, colon), key.clear();
-      blocks[block];
-      continue;
     }
     std::string value = line;
-    if (line[first] != '-' && colon != std::string::npos) {
+    if (first == 0 && colon != std::string::npos) {
+      value = line.substr(colon + 1);
+      blocks[block].text[key] = value.substr(std::min(value.find_first_not_of(' '), value.size()));
+    } else if (line[first] != '-' && colon != std::string::npos) {
       key = line.substr(first, colon - first);
       value = line.substr(colon + 1);
       blocks[block].text[key] = value.substr(std::min(value.find_first_not_of(' '), value.size()));
