@@ -7,8 +7,11 @@
 #include <turbomap/adjustment/problem.hpp>
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
+#include <set>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -66,10 +69,39 @@ TEST_CASE("the same each time, another one for another seed") {
 }
 
 TEST_CASE("sizes that are none are refused") {
-  for (const char* text : {"", "1,2,3", "10,50", "10,50,99", "10,50,200,1", "10,50,200x", "-10,50,200", "x"}) {
+  for (const char* text : {"", "1,2,3", "10,50", "10,50,99", "10,50,200,1", "10,50,200x", "-10,50,200", "x",
+                           "2,1,1000000000", "60,100,6000", "60,100,801", "2,100,201", "1,100,200"}) {
     CAPTURE(text);
     CHECK_THROWS_AS(parse_generated_size(text), std::invalid_argument);
   }
+}
+
+TEST_CASE("about as many observations as were asked for, up to the most, each of two cameras or more per point") {
+  for (const char* text :
+       {"2,200000,400000", "3,3000,7000", "10,3000,14000", "20,3000,24000", "60,3000,24000", "60,3000,6000"}) {
+    CAPTURE(text);
+    const auto size = parse_generated_size(text);
+    const auto p = generate_bal(size, 5);
+    CHECK(p.pixel.size() > 0.9 * static_cast<double>(size.observations));
+    CHECK(p.pixel.size() < 1.1 * static_cast<double>(size.observations));
+    std::set<std::pair<int, int>> pairs;
+    std::vector<int> views(p.points.size());
+    for (std::size_t i = 0; i < p.pixel.size(); ++i) {
+      pairs.emplace(p.point[i], p.camera[i]);
+      ++views[static_cast<std::size_t>(p.point[i])];
+    }
+    const auto [first, last] = std::minmax_element(p.camera.begin(), p.camera.end());
+    CHECK((*first >= 0 && *last < size.cameras));
+    CHECK(pairs.size() == p.pixel.size());
+    CHECK(*std::min_element(views.begin(), views.end()) >= 2);
+  }
+}
+
+TEST_CASE("a size that was not parsed makes what its cameras can see") {
+  CHECK(generate_bal({2, 1, 1000000000}, 1).pixel.size() == 2);
+  CHECK(generate_bal({1, 10, 20}, 1).pixel.size() == 10);
+  CHECK(generate_bal({3, 0, 0}, 1).pixel.empty());
+  CHECK(generate_bal({0, 3, 6}, 1).pixel.empty());
 }
 
 }  // namespace
