@@ -11,6 +11,7 @@
 
 #include <array>
 #include <cstdint>
+#include <random>
 #include <utility>
 #include <vector>
 
@@ -59,6 +60,47 @@ TEST_CASE_TEMPLATE("most shared first, equal ones in order of insertion, a rig's
   turbomap::erase_keyframe(map, k[1], 0);
   CHECK(of(3, 1) == pairs{{0, 1}, {2, 1}});
   CHECK(of(3, 1) == pairs{{0, 1}, {2, 1}});  // nothing is left of earlier calls
+}
+
+TEST_CASE_TEMPLATE("of several keyframes: as of one after the other", Map, flat_map, pointer_map) {
+  using traits = turbomap::map_traits<Map>;
+  turbomap::covisibility<Map> one, all;
+  for (std::uint32_t seed = 0; seed < 8; ++seed) {
+    std::mt19937 random(seed);
+    Map map;
+    std::vector<turbomap::keypoint> rig;
+    for (int i = 0; i < 40; ++i) rig.push_back(make_keypoint(0, i % 2));
+    turbomap::list_of<typename traits::keyframe> keyframes;
+    std::vector<typename traits::point> points;
+    for (int i = 0; i < 50; ++i) keyframes.push_back(insert_keyframe(map, rig, i, typename traits::keyframe{}));
+    for (int i = 0; i < 100; ++i) points.push_back(traits::add_point(map, {}, keyframes[0]));
+    for (int n = 0; n < 1600; ++n) {
+      const std::size_t k = random() % 45;  // the last five see nothing
+      turbomap::observe(map, points[(2 * k + random() % 30) % 100], keyframes[k], random() % 40);
+    }
+    turbomap::erase_keyframe(map, keyframes[7], 0);
+    turbomap::erase_point(map, points[20]);
+    const auto accept = [&](const typename traits::keyframe& k) {
+      return seed % 2 == 0 || traits::id(map, k) % 3 != 0;
+    };
+    for (const std::size_t queries : {0U, 1U, 2U, 15U, 16U, 17U, 32U, 33U, 49U})
+      for (const std::size_t limit : {std::size_t{0}, std::size_t{5}, turbomap::no_limit}) {
+        turbomap::list_of<typename traits::keyframe> list;
+        for (std::size_t i = 0; list.size() < queries; ++i)
+          if (i != 7) list.push_back(keyframes[i]);
+        const int least = static_cast<int>(random() % 6);
+        std::size_t at = 0;
+        all.of_each(map, list, least, limit, accept, [&](const auto& found) {
+          const auto& expected = one(map, list[at++], least, limit, accept);
+          REQUIRE(found.size() == expected.size());
+          for (std::size_t i = 0; i < found.size(); ++i) {
+            CHECK(found[i].keyframe == expected[i].keyframe);
+            CHECK(found[i].shared_points == expected[i].shared_points);
+          }
+        });
+        CHECK(at == queries);
+      }
+  }
 }
 
 TEST_CASE("a keyframe without keypoints has no neighbours") {

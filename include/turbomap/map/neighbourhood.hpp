@@ -57,10 +57,10 @@ class neighbourhood {
     };
     for (const keyframe& n : neighbours_) add(n);
     if (options.second_neighbours > 0)
-      for (const keyframe& n : neighbours_)
-        for (const auto& c : covisibility_(map, n, options.min_shared_points,
-                                           static_cast<std::size_t>(options.second_neighbours), accept))
-          add(c.keyframe);
+      covisibility_.of_each(map, neighbours_, options.min_shared_points,
+                            static_cast<std::size_t>(options.second_neighbours), accept, [&](const auto& list) {
+                              for (const auto& c : list) add(c.keyframe);
+                            });
     add_predecessors(map, query, options.temporal_targets, accept, targets_);
     return targets_;
   }
