@@ -300,6 +300,21 @@ TEST_CASE("names of nothing, and those that the mirror never gave, may be prefet
   }
 }
 
+TEST_CASE("a new point has no descriptor until it is described, in a place that another point had, too") {
+  furnished f(5);
+  const std::vector<std::uint8_t> bytes(32, 0xAA);
+  const auto k = f.m.number(f.keyframe());
+  for (int n = 0; n < 2; ++n) {
+    CAPTURE(n);
+    const auto p = traits::add_point(f.m, {1, 2, 3}, k);
+    CHECK(traits::descriptor_data(f.m, p) == nullptr);
+    traits::set_appearance(f.m, p, {0, 0, 1}, 1, 2, bytes.data());
+    REQUIRE(traits::descriptor_data(f.m, p) != nullptr);
+    CHECK(traits::descriptor_data(f.m, p)[31] == 0xAA);
+    turbomap::erase_point(f.m, p);
+  }
+}
+
 TEST_CASE("a merge of others is followed through points that the mirror has never seen") {
   furnished f(5);
   auto& map = f.m.objects;

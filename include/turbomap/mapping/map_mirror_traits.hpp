@@ -189,11 +189,10 @@ struct map_traits<map_mirror<Map>> {
     }
     const point p = m.point_at(place);
     auto& entry = of(m, p);
-    entry.read = 1, entry.described = true, entry.reference = reference;
+    entry.read = 1, entry.reference = reference;  // described by set_appearance() only
     m.read_position(m.at(p), name);
     m.normals_[m.at(p)] = {}, m.ranges_[m.at(p)] = {};
     if constexpr (mirror::has_covariances) m.covariances_[m.at(p)] = user::covariance(m.map(), name);
-    for (std::size_t e = 0; e < mirror::elements; ++e) m.descriptors_[m.at(p) * mirror::elements + e] = element{};
     return p;
   }
   static void reserve_observations(mirror& m, point p, std::size_t more) {
