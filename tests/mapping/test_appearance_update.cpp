@@ -162,6 +162,22 @@ TEST_CASE("covariances are kept where they are asked for, those of the views tha
   CHECK(worse == less);
 }
 
+TEST_CASE("a point that is to keep its descriptor and has none: its covariance is written all the same") {
+  using traits = turbomap::map_traits<lying_map>;
+  stale_map<lying_map, pinhole_camera, sequential> s(pinhole_rig(50));
+  const auto bare = s.points[5];
+  s.run.map.bare.insert(bare.index);
+  s.options.descriptors = false, s.options.covariance = true;
+  turbomap::fault_list noted;
+  const auto scope = s.run.scope(s.held);
+  s.update({scope.ctx, scope.map, scope.store, scope.stored, scope.held, turbomap::fault_sink(noted)}, s.points,
+           s.options);
+  CHECK(noted.size() == 1);
+  CHECK(traits::max_distance(s.run.map, bare) == 5);  // its appearance is left alone
+  CHECK(traits::covariance(s.run.map, bare).zz > 0);
+  CHECK(traits::covariance(s.run.map, s.points[4]).zz > 0);
+}
+
 TEST_CASE("what is not asked for stays as it is") {
   using traits = turbomap::map_traits<flat_map>;
   stale_map<flat_map, pinhole_camera, sequential> s(pinhole_rig(50)), whole(pinhole_rig(50));

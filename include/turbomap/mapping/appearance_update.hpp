@@ -117,6 +117,8 @@ class appearance_update {
     if (!options.geometry)
       u.normal = traits::normal(s.map, p), u.min_distance = traits::min_distance(s.map, p),
       u.max_distance = traits::max_distance(s.map, p);
+    if constexpr (detail::map_has_v<Map, detail::map_covariance_member>)
+      if (options.covariance) traits::set_covariance(s.map, p, u.covariance);
     const auto write = [&](const typename descriptor::element* d) {
       traits::set_appearance(s.map, p, u.normal, u.min_distance, u.max_distance, d);
     };
@@ -128,8 +130,6 @@ class appearance_update {
       if (kept == nullptr) return s.faults({map_fault::no_descriptor, 0, traits::id(s.map, p), 0});
       write(kept);
     }
-    if constexpr (detail::map_has_v<Map, detail::map_covariance_member>)
-      if (options.covariance) traits::set_covariance(s.map, p, u.covariance);
   }
 
   struct view_of_point {
