@@ -80,8 +80,8 @@ inline crossover read_crossover(const std::string& file) {
 /// Finds crossovers from the times of calls: of each kind and size (by powers of two) a few on each side.
 class crossover_measurement {
  public:
-  static constexpr int samples =
-      4;  ///< of each side and size; the fastest counts, so the first, which allocates, does not
+  /// Of each side and size; the fastest counts, so the first, which allocates, does not.
+  static constexpr int samples = 4;
 
   /// Where the next call of this size is to run: the side that was measured less often, once both were the faster one.
   work_side next(work_kind kind, double amount) const {

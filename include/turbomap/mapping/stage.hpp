@@ -57,8 +57,8 @@ struct mapping_scope {
   store_of<Map, Policy>& store;  ///< resident keyframes
   const handle_table& stored;    ///< which keyframes of the map are in the store, by id
   guard_times& held;             ///< where the stage's guard times go
-  fault_sink faults =
-      {};  ///< what becomes of parts of the map that cannot be used; default: the first one ends the stage
+  /// What becomes of parts of the map that cannot be used. Default: the first one ends the stage.
+  fault_sink faults = {};
 
   /// Holds the map's guard while it lives, and notes for how long.
   timed_guard<Map> guard() const { return timed_guard<Map>(map, held); }

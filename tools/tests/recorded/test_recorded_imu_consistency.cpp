@@ -109,9 +109,8 @@ TEST_CASE("an IMU that was simulated along the ground truth contradicts it by it
       MESSAGE(std::string(name), ", every ", 0.05 * static_cast<double>(step), " s: mean squares, rotation ",
               c.rotation, ", velocity ", c.velocity, ", position ", c.position, "; chi-square per degree of freedom ",
               c.per_dof);
-      if (r.meta
-              .is_fisheye())  // the other's IMU is a real one, and its images are rendered along an estimated trajectory
-        CHECK((c.per_dof > 0.8 && c.per_dof < 1.25));
+      // The other's IMU is a real one, and its images are rendered along an estimated trajectory.
+      if (r.meta.is_fisheye()) CHECK((c.per_dof > 0.8 && c.per_dof < 1.25));
     }
   }
 }
