@@ -6,6 +6,8 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <cfenv>
+#include <limits>
 #include <random>
 #include <vector>
 
@@ -37,8 +39,9 @@ Eigen::MatrixXd symmetric(int n, int rank, unsigned seed) {
 
 std::vector<double> padded_copy(const Eigen::MatrixXd& S) {
   const int n = static_cast<int>(S.rows()), m = dense_cholesky::padded(n);
+  // What is beyond n or above the diagonal means nothing: it may not even be read by an operation.
   std::vector<double> A(static_cast<std::size_t>(m) * static_cast<std::size_t>(m),
-                        7.0);  // what is beyond n means nothing
+                        std::numeric_limits<double>::signaling_NaN());
   for (int c = 0; c < n; ++c)
     for (int r = c; r < n; ++r) A[static_cast<std::size_t>(c * m + r)] = S(r, c);  // the lower triangle alone
   return A;
@@ -49,10 +52,12 @@ Eigen::VectorXd solved(const Eigen::MatrixXd& S, const Eigen::VectorXd& b) {
   const int n = static_cast<int>(b.size());
   auto A = padded_copy(S);
   dense_cholesky solver;
+  std::feclearexcept(FE_ALL_EXCEPT);
   REQUIRE(solver.factorise(A.data(), n));
   std::vector<double> x(static_cast<std::size_t>(dense_cholesky::padded(n)), 3.0);
   for (int i = 0; i < n; ++i) x[static_cast<std::size_t>(i)] = b[i];
   solver.solve(A.data(), n, x.data());
+  CHECK(std::fetestexcept(FE_INVALID) == 0);
   return Eigen::Map<Eigen::VectorXd>(x.data(), n);
 }
 

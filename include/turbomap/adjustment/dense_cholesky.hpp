@@ -27,7 +27,7 @@ class dense_cholesky {
   static int padded(int n) { return (n + tile - 1) / tile * tile; }
 
   /// Replaces the lower triangle of A (column-major: the upper one, row-major) by L with A = L L^T.
-  /// \param A          padded(n) squared; beyond n it is overwritten
+  /// \param A          padded(n) squared; the other triangle and what is beyond n are not read, but may be overwritten
   /// \param tolerance  a pivot below it times the diagonal element it came from: the matrix is singular
   /// \return false: singular or not positive definite; A is then spoilt
   TURBOMAP_ONE_BODY bool factorise(double* A, int n, double tolerance = default_pivot_tolerance) {
@@ -37,6 +37,9 @@ class dense_cholesky {
       for (int i = 0; i < n_; ++i) column(A, j)[i] = i == j ? 1 : 0;
       for (int i = 0; i < n; ++i) column(A, i)[j] = 0;
     }
+    // What lies above the diagonal in its tiles: they are computed as a whole, and nobody wrote this.
+    for (int j = 0; j < n; ++j)
+      for (int i = j / tile * tile; i < j; ++i) column(A, j)[i] = 0;
     for (int j = 0; j < n_; ++j) diagonal_[static_cast<std::size_t>(j)] = column(A, j)[j];
     begin_.resize(static_cast<std::size_t>(n_ / tile));
     for (int i = 0; i < n_; i += tile) begin_[static_cast<std::size_t>(i / tile)] = first_tile(A, i);
