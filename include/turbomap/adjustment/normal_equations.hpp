@@ -40,15 +40,15 @@ class normal_equations {
     data.lists.point(s_);
     s_.free_frames = s.free_frames, s_.landmarks = s.landmarks;
     s_.landmark_fixed = data.landmark_fixed.host().empty() ? nullptr : data.landmark_fixed.data();
-    s_.sums.row = ctx.template scratch<A>(s.rows() * landmark_block<V>::row + column_slack);
+    s_.sums.row = columns(ctx, s.rows() * landmark_block<V>::row);
     if constexpr (from_rows<memory_of_t<Policy>>) {
       axes_ = ctx.template scratch<A>(at(s.free_frames) * 6 * column_lanes<V>);
       centres_ = ctx.template scratch<double>(at(s.free_frames) * landmark_stride);
       s_.axes = axes_, s_.centres = centres_;
     } else {
-      s_.sums.coupling = ctx.template scratch<A>(s.couplings() * landmark_block<V>::coupling + column_slack);
+      s_.sums.coupling = columns(ctx, s.couplings() * landmark_block<V>::coupling);
     }
-    s_.eliminated = ctx.template scratch<A>(s.slots() * landmark_block<V>::coupling + column_slack);
+    s_.eliminated = columns(ctx, s.slots() * landmark_block<V>::coupling);
     s_.sums.chunk_partial = ctx.template scratch<double>(at(s.partials) * landmark_block<V>::partial);
     s_.sums.factor_partial = ctx.template scratch<double>(at(s.factor_partials) * frame_block<D>::partial);
     s_.sums.factor_square = ctx.template scratch<double>(s.frame_pairs.size() * frame_block<D>::square);
@@ -187,6 +187,14 @@ class normal_equations {
   }
 
  private:
+  /// n numbers and column_slack more: zeros on the host, whose lanes beyond the last column read them.
+  template <class Policy>
+  static A* columns(context<Policy>& ctx, std::size_t n) {
+    A* const to = ctx.template scratch<A>(n + column_slack);
+    if constexpr (is_host_accessible_v<memory_of_t<Policy>>)
+      fill_bytes(ctx.policy(), to + n, 0, column_slack * sizeof(A));
+    return to;
+  }
   cost_sums costs() const { return {costs_, costs_ + data_.structure.costs()}; }
 
   template <class Policy>
