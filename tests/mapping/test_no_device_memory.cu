@@ -11,8 +11,9 @@ namespace turbomap_test {
 inline long device_allocations_left = -1;  ///< until they fail; below 0: never
 
 inline bool no_device_memory() {
-  if (device_allocations_left < 0) return false;
-  return device_allocations_left == 0 || device_allocations_left-- == 0;
+  if (device_allocations_left <= 0) return device_allocations_left == 0;
+  --device_allocations_left;
+  return false;
 }
 inline cudaError_t counted_malloc(void** memory, std::size_t bytes) {
   return no_device_memory() ? cudaErrorMemoryAllocation : cudaMalloc(memory, bytes);
