@@ -85,6 +85,9 @@ class object_point {
   const std::uint8_t* descriptor() const { return descriptor_.data(); }
   keyframe_ptr reference() const { return object_lock{mutex_}, reference_.lock(); }
   observations_type observations() const { return object_lock{mutex_}, observations_; }
+  bool seen_by(const keyframe_ptr& k) const { return object_lock{mutex_}, observations_.count(k) != 0; }
+  /// A keypoint with u_right is two.
+  int measurements() const { return object_lock{mutex_}, measurements_; }
   float found_ratio() const { return object_lock{mutex_}, static_cast<float>(found_) / static_cast<float>(visible_); }
 
   void set_position(const turbomap::vec3<double>& x) { object_lock{mutex_}, position_ = x; }
@@ -104,13 +107,17 @@ class object_point {
     const std::size_t camera = v.keypoint[0] < 0 ? 0 : 1;
     v.keypoint[camera] = static_cast<std::int64_t>(keypoint);
     v.number[camera] = next_number_++;
+    measurements_ += k->keypoints[keypoint].u_right >= 0 ? 2 : 1;
   }
   void erase_observation(const keyframe_ptr& k, std::size_t keypoint) {
     const object_lock lock(mutex_);
     const auto at = observations_.find(k);
     if (at == observations_.end()) return;
     for (std::int64_t& view : at->second.keypoint)
-      if (view == static_cast<std::int64_t>(keypoint)) view = -1;
+      if (view == static_cast<std::int64_t>(keypoint)) {
+        view = -1;
+        measurements_ -= k->keypoints[keypoint].u_right >= 0 ? 2 : 1;
+      }
     if (at->second.keypoint[0] < 0 && at->second.keypoint[1] < 0) observations_.erase(at);
   }
   /// The counts of tracking go to the replacement.
@@ -139,6 +146,7 @@ class object_point {
   std::weak_ptr<object_keyframe> reference_;
   observations_type observations_;
   std::uint64_t next_number_ = 0;
+  int measurements_ = 0;
   std::uint32_t visible_ = 1, found_ = 1;
 };
 
