@@ -28,7 +28,7 @@ TEST_CASE("accurate: what belongs to the sensor stays") {
   CHECK(inertial.keyframe_culling.temporal_guards);
 }
 
-TEST_CASE("accurate: every gate is that of 99.9 %, and the window holds it") {
+TEST_CASE("accurate: gates of 99.9 %, outliers of stereo beyond; the window holds the monocular gate at its octave") {
   const auto o = local_mapper_options::stereo(0.11, 4.4).accurate();
   const double mono = -2 * std::log(0.001);  // chi-square of two degrees of freedom
   CHECK(o.creation.mono_chi2 == doctest::Approx(mono).epsilon(1e-4));
@@ -40,6 +40,7 @@ TEST_CASE("accurate: every gate is that of 99.9 %, and the window holds it") {
   CHECK(std::erfc(std::sqrt(x / 2)) + std::sqrt(2 * x / std::acos(-1.0)) * std::exp(-x / 2) ==
         doctest::Approx(0.001).epsilon(1e-3));
   CHECK(o.creation.stereo_chi2 == x);
+  CHECK(o.adjustment.outlier_factor * o.adjustment.stereo_chi2 == doctest::Approx(18.02).epsilon(1e-3));
 }
 
 TEST_CASE("accurate: no keyframe is redundant, and points are not taken as exact") {

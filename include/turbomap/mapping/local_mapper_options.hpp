@@ -89,10 +89,12 @@ struct local_mapper_options {
     if (predecessors < 10) predecessors = 10;  // where a camera turns away from all that it knows
     o.creation.mono_chi2 = o.fusion.search.mono_chi2 = mono_chi2;
     o.creation.stereo_chi2 = o.fusion.search.stereo_chi2 = stereo_chi2;
-    o.fusion.search.radius = 4;         // the window holds the gate: sqrt(13.816) = 3.72
+    // At the point's own octave and finer ones the window holds the monocular gate, sqrt(13.816) = 3.72. It cuts what lies between
+    // 4 and the gate of one octave coarser, 4.46 (scale factor 1.2), or the stereo gate, 4.03.
+    o.fusion.search.radius = 4;
     o.fusion.search.finer_octaves = 2;  // a point's own octave and a keypoint's may each be one off
     o.fusion.search.coarser_octaves = 1;
-    o.adjustment.outlier_factor = mono_chi2 / o.adjustment.mono_chi2;
+    o.adjustment.outlier_factor = mono_chi2 / o.adjustment.mono_chi2;  // of stereo, too: 18.02, which is 99.96 %
     o.keyframe_culling.redundant_share = 1;  // more than all of its points: never
     return o;
   }
