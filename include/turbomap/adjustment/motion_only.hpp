@@ -28,6 +28,7 @@ namespace turbomap {
 /// Observations of several frames, one frame after the other, with the points that they see.
 template <class Camera>
 struct motion_only_input {
+  /// The same of all frames.
   rig_view<Camera> rig;
   span<const rigid_transform<double>> T_cw;  ///< first guess of each frame
   span<const std::int32_t> begin;            ///< [frame + 1] its observations
@@ -48,7 +49,9 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Camera, class Policy>
 class motion_only {
  public:
+  /// Where it computes.
   using memory = memory_of_t<Policy>;
+  /// Takes its memory from the context.
   explicit motion_only(const context<Policy>& ctx) : inputs_(ctx.resource()), results_(ctx.staging_resource()) {}
 
   /// Adjusts the pose of every frame to its points: `rounds` times Levenberg-Marquardt on the inliers, after each of which

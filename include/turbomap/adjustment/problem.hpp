@@ -37,7 +37,9 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Memory, class Frame, class... Groups>
 class basic_bundle_problem {
  public:
+  /// What is adjusted of a frame.
   using state = typename Frame::template state<double>;
+  /// The problem as solvers read it.
   using data_type = problem_data<Memory, Frame, Groups...>;
   static_assert(std::is_trivially_copyable_v<state>, "turbomap: the state of a frame must be trivially copyable");
   static_assert(Frame::landmark_dof <= Frame::dof);
@@ -56,8 +58,11 @@ class basic_bundle_problem {
   void assign(context<Policy>& ctx, const frame_input<Frame>& frames, const landmark_input& landmarks,
               const Groups&... groups);
 
+  /// Frames, fixed ones too.
   int frame_count() const { return data_.structure.frames; }
+  /// Landmarks, fixed ones too.
   int landmark_count() const { return data_.structure.landmarks; }
+  /// Of all groups of factors.
   int observation_count() const { return static_cast<int>(data_.observations); }
 
   /// The current estimate of the frames, in the order of the input: to the bit what was given where adjust() accepted no

@@ -22,9 +22,11 @@ TURBOMAP_BEGIN_NAMESPACE
 /// The memory of one search, and what the host knows about it: filled by a search, read by filters and point creation.
 template <class Descriptor, class Camera, class Memory>
 struct search_buffers {
+  /// Takes its memory from the resource.
   explicit search_buffers(std::pmr::memory_resource* resource)
       : inputs(resource), pairs(resource), match(resource), distance(resource) {}
 
+  /// Of the last search.
   search_view<Descriptor, Camera> view{};
   array<std::byte, Memory> inputs;                             ///< the arguments of the call, packed
   array<pair_geometry, Memory> pairs;                          ///< [neighbour][query camera][neighbour camera]
@@ -41,12 +43,18 @@ struct search_buffers {
 template <class Descriptor, class Camera, class Policy>
 class correspondences {
  public:
+  /// Where the results are.
   using memory_type = memory_of_t<Policy>;
+  /// Of two descriptors.
   using distance_type = typename Descriptor::distance_type;
+  /// The matches on the host.
   using plan_type = std::vector<correspondence<distance_type>>;
 
+  /// Takes its memory from the context.
   explicit correspondences(const context<Policy>& ctx) : buffers_(ctx.resource()) {}
+  /// What was moved from holds nothing.
   correspondences(correspondences&&) = default;
+  /// What was moved from holds nothing.
   correspondences& operator=(correspondences&&) = default;
 
   /// No matches: what is left where a call ran out of memory, or was stopped.

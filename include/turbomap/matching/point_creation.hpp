@@ -28,8 +28,10 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Policy>
 class point_creation {
  public:
+  /// Where the results are.
   using memory_type = memory_of_t<Policy>;
 
+  /// Takes its memory from the context.
   explicit point_creation(const context<Policy>& ctx) : points_(ctx.resource()) {}
 
   /// All matches with their outcome, in (neighbour, query keypoint) order, equal on every policy. Waits.
@@ -45,6 +47,7 @@ class point_creation {
     for (std::size_t i = 0; i < count; ++i)
       if (match[i] != no_match) result.push_back(points[i]);
   }
+  /// The same, as a list of its own.
   template <class Descriptor, class Camera>
   std::vector<created_point> plan(context<Policy>& ctx,
                                   const correspondences<Descriptor, Camera, Policy>& matches) const {

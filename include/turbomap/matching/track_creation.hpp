@@ -24,8 +24,10 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Policy>
 class track_creation {
  public:
+  /// Where the results are.
   using memory_type = memory_of_t<Policy>;
 
+  /// Takes its memory from the context.
   explicit track_creation(const context<Policy>& ctx)
       : inputs_(ctx.resource()),
         cameras_(ctx.resource()),

@@ -16,8 +16,8 @@ namespace turbomap {
 /// The immutable view, and what changes.
 template <class Descriptor, class Camera>
 struct posed_keyframe {
-  keyframe_view<Descriptor, Camera> view;
-  rigid_transform<double> T_cw;  ///< world to camera (to body for a rig with T_camera_body)
+  keyframe_view<Descriptor, Camera> view;  ///< in the memory of the policy
+  rigid_transform<double> T_cw;            ///< world to camera (to body for a rig with T_camera_body)
   /// In host memory, one byte per keypoint; not 0: it holds a map point. Empty: none does.
   span<const std::uint8_t> has_point = {};
 };
