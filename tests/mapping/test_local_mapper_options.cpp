@@ -11,6 +11,7 @@
 #include <doctest/doctest.h>
 
 using turbomap::local_mapper_options;
+using turbomap::mapping_stage;
 
 TEST_CASE("accurate: what belongs to the sensor stays") {
   const turbomap::pyramid scales{1.5F, 4};
@@ -43,10 +44,10 @@ TEST_CASE("accurate: gates of 99.9 %, outliers of stereo beyond; the window hold
   CHECK(o.adjustment.outlier_factor * o.adjustment.stereo_chi2 == doctest::Approx(18.02).epsilon(1e-3));
 }
 
-TEST_CASE("accurate: no keyframe is redundant, and points are not taken as exact") {
+TEST_CASE("accurate: no keyframe is culled, and points are not taken as exact") {
   const auto o = local_mapper_options::monocular().accurate();
-  CHECK(turbomap::is_redundant({100, 100}, local_mapper_options::monocular().keyframe_culling));
-  CHECK_FALSE(turbomap::is_redundant({100, 100}, o.keyframe_culling));
+  for (std::size_t s = 0; s < turbomap::mapping_stages; ++s)
+    CHECK(o.enabled.values[s] == (static_cast<mapping_stage>(s) != mapping_stage::keyframe_culling));
   CHECK(o.covariances);
   CHECK(o.fusion.covariances);
 }

@@ -93,7 +93,8 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording& 
   o.adjustment.second_min_shared_points = a.second_shared;
   if (a.temporal_neighbours >= 0) o.neighbours.neighbourhood.temporal_neighbours = a.temporal_neighbours;
   if (a.culling_observers >= 0) o.keyframe_culling.observers = a.culling_observers;
-  if (a.culling_share >= 0) o.keyframe_culling.redundant_share = a.culling_share;
+  bool culling = a.culling && o.enabled[mapping_stage::keyframe_culling];
+  if (a.culling_share >= 0) o.keyframe_culling.redundant_share = a.culling_share, culling = a.culling;
   o.covariances = o.covariances || a.uncertain_tracking || a.uncertain_fusion;
   o.fusion.covariances = o.fusion.covariances || a.uncertain_fusion;
   o.deadline_ms = a.deadline_ms;
@@ -103,7 +104,7 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording& 
   o.enabled[mapping_stage::creation] = a.creation;
   o.enabled[mapping_stage::fusion] = a.fusion;
   o.enabled[mapping_stage::adjustment] = a.adjustment;
-  o.enabled[mapping_stage::keyframe_culling] = a.culling;
+  o.enabled[mapping_stage::keyframe_culling] = culling;
   return o;
 }
 

@@ -95,7 +95,7 @@ struct local_mapper_options {
     o.fusion.search.finer_octaves = 2;  // a point's own octave and a keypoint's may each be one off
     o.fusion.search.coarser_octaves = 1;
     o.adjustment.outlier_factor = mono_chi2 / o.adjustment.mono_chi2;  // of stereo, too: 18.02, which is 99.96 %
-    o.keyframe_culling.redundant_share = 1;  // more than all of its points: never
+    o.enabled[mapping_stage::keyframe_culling] = false;
     return o;
   }
 
