@@ -126,12 +126,15 @@ int main(int argc, char** argv) try {
                  "how the map is stored: flat arrays, or objects with locks and getters that copy, as in the field "
                  "(host policies, replay mode)")
       ->check(CLI::IsMember({"simple", "objects"}));
-  app.add_flag("--imu", a.imu, "use the recording's IMU, initialised from its samples (host policies, replay mode)");
+  auto* imu = app.add_flag("--imu", a.imu,
+                           "use the recording's IMU, initialised from its samples (host policies, replay mode)");
   app.add_option("--imu-noise", a.imu_noise,
                  "with --imu: its noise densities, times those of the recording; above 1 where it vibrates")
+      ->needs(imu)
       ->check(CLI::Range(1e-3, 1e3));
   app.add_flag("--pixel-centres", a.pixel_centres,
-               "move recorded keypoints of coarser levels to where they are in the full image (replay mode)");
+               "move recorded keypoints of coarser levels to where they are in the full image (recordings that are not "
+               "simulated, replay mode)");
   app.add_flag("--check", a.check, "compare every stage with the recorded snapshots; exit status 1 when one differs");
   app.add_option("--stages", stages,
                  "stages to run, separated by commas: "
@@ -229,6 +232,7 @@ int main(int argc, char** argv) try {
   if (a.objects && (a.check || a.policy == "cuda" || std::count(a.beside.begin(), a.beside.end(), "cuda") != 0))
     throw std::invalid_argument("--map objects: not together with --check or the policy cuda");
   if (a.pixel_centres && a.check) throw std::invalid_argument("--pixel-centres: not together with --check");
+  if (a.error_parts && a.check) throw std::invalid_argument("--error-parts: not together with --check");
   if (a.imu &&
       (a.check || a.objects || a.policy == "cuda" || std::count(a.beside.begin(), a.beside.end(), "cuda") != 0))
     throw std::invalid_argument("--imu: not together with --check, --map objects or the policy cuda");

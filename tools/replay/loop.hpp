@@ -176,7 +176,7 @@ class replayer {
     result_.map_digest = map_digest(map);
     result_.matches = judge_.verdict();
     if (recording_.is_simulated()) result_.true_points = points_.verdict(map);
-    if (arguments_.error_parts) result_.observations = gather_map_observations(map);
+    if (arguments_.error_parts && !arguments_.quiet) result_.observations = gather_map_observations(map);
     result_.store = store_.statistics();
     result_.imu = imu_.json();
     return std::move(result_);
@@ -185,7 +185,7 @@ class replayer {
  private:
   void step(std::int32_t i) {
     const auto data = recorded_keyframe(recording_, static_cast<std::size_t>(i), rig_, keypoints_);  // not timed
-    if (arguments_.pixel_centres && !recording_.is_simulated()) centre(keypoints_);
+    if (arguments_.pixel_centres) centre(keypoints_);
     // In recorded time: a keyframe is begun when it has come and the one before is done.
     const double arrival = arrival_ms(i);
     clock_ms_ = clock_ms_ > arrival ? clock_ms_ : arrival;

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdio>
 #include <numeric>
+#include <stdexcept>
 
 #include <turbomap/io/ply.hpp>
 #include <turbomap/io/recording.hpp>
@@ -170,7 +171,7 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
   }
   if (!arguments.quiet) {
     add_trajectory_errors<Camera>(recording, policy, result.T_cw, result.alive, o.json, arguments.bound);
-    if (arguments.error_parts && recording.is_simulated())
+    if (arguments.error_parts)
       o.json["error_parts"] =
           error_parts<Camera, Policy>(recording, policy, result.observations, result.T_cw, result.alive)();
     print_outcome(o.json, stages);
@@ -229,10 +230,14 @@ inline void perturb(turbomap::recording& recording, std::uint64_t seed) {
     for (float* x : {&T.tx, &T.ty, &T.tz}) *x += static_cast<float>(1e-6 * random.normal());
 }
 
-/// Throws bad_file for a recording that cannot be read.
+/// Throws bad_file for a recording that cannot be read, std::invalid_argument for an option that is not for one of its kind.
 template <class Policy>
 outcome run(const Policy& policy, const arguments& arguments) {
   turbomap::recording recording = turbomap::read_recording(arguments.recording);
+  if (arguments.error_parts && !recording.is_simulated())
+    throw std::invalid_argument("--error-parts: the recording is not a simulated one");
+  if (arguments.pixel_centres && recording.is_simulated())
+    throw std::invalid_argument("--pixel-centres: keypoints of a simulated recording are those of the full image");
   if (arguments.perturb > 0) perturb(recording, static_cast<std::uint64_t>(arguments.perturb));
   return recording.meta.is_fisheye() ? run_with<turbomap::kannala_brandt<float>>(recording, policy, arguments)
                                      : run_with<turbomap::pinhole<float>>(recording, policy, arguments);

@@ -59,6 +59,15 @@ awk -F '[:,]' '
     exit 1
   }' "$json"
 
+# Options that would do nothing are refused.
+for option in "--imu-noise 2" --pixel-centres; do
+  # shellcheck disable=SC2086  # an option and its value
+  if "$1" "$2" --policy "$3" --no-bound $option >/dev/null 2>&1; then
+    echo "demo.sh: $option: taken without effect" >&2
+    exit 1
+  fi
+done
+
 # The preset: no keyframe is culled, the whole map is adjusted, and the parts of its error are told.
 "$1" "$2" --policy "$3" --no-bound --preset accurate --error-parts --json "$json" >/dev/null
 awk -F '[:,]' '
