@@ -19,8 +19,8 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// Runs each piece of work where it is faster. Where that is, is given (use()), fixed (pin()), or measured by the calls
 /// themselves: the first few of each size run on both sides in turns. Integers and decisions are the same on both sides, other
-/// numbers within 1e-9; so two runs give the same bits if crossovers are given, not while they are measured. Of one
-/// thread, like a context. Move-only.
+/// numbers within 1e-9 in float64, and as far as float goes in mixed precision; so two runs give the same bits if crossovers are
+/// given, not while they are measured. Of one thread, like a context. Move-only.
 template <class Host, class Device, class Clock = std::chrono::steady_clock>
 class automatic {
  public:

@@ -28,7 +28,7 @@ struct nvtx_domain {
 /// From here to the end of the block. Ranges of a thread nest.
 class named_range {
  public:
-  /// \param name  not copied where the profiler is slow to read it: a literal
+  /// \param name  must stay valid: a literal
   explicit named_range(const char* name) : range_(name) {}
 
  private:
