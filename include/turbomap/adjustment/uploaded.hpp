@@ -82,33 +82,12 @@ class uploaded {
   resident_copy<T, Memory> resident_;
 };
 
-namespace detail {
-
-template <class T, class Policy>
-const T* resident(host_memory, context<Policy>&, span<const T> view) {
-  return view.data();
-}
-template <class Memory, class T, class Policy>
-const T* resident(Memory, context<Policy>& ctx, span<const T> view) {
-  T* to = ctx.template scratch<T>(view.size());
-  copy_in(ctx.policy(), to, view.data(), view.size() * sizeof(T));
-  return to;
-}
-
-}  // namespace detail
-
 /// `n` elements of the policy's memory for the host to read and write: in place, or copied into `buffer`. Waits.
 template <class T, class Policy, class List>
 T* on_host(context<Policy>& ctx, T* data, std::size_t n, List& buffer) {
   T* host = const_cast<T*>(ctx.on_host(data, n, buffer));  // data itself, or in the buffer
   ctx.synchronize();
   return host;
-}
-
-/// A view of the caller's for the policy to read: in place, or copied into scratch memory of this call. Empty: null.
-template <class T, class Policy>
-const T* resident(context<Policy>& ctx, span<const T> view) {
-  return view.empty() ? nullptr : detail::resident(memory_of_t<Policy>{}, ctx, view);
 }
 
 /// What with_resident() sends as one block, at most: more than that takes longer to pack than its copies take to start.
