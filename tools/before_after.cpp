@@ -4,10 +4,14 @@
 /// \file
 /// turbomap-before-after: one system, its local mapping written by hand, and by the library. See docs/programs.md.
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <exception>
+#include <map>
+#include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <thrust/system/cpp/execution_policy.h>
@@ -186,7 +190,12 @@ int main(int argc, char** argv) try {
   app.footer("Example:\n  turbomap-before-after recordings/euroc_v102_stereo");
   app.add_option("RECORDING", path, "folder of a recording with one rectified stereo camera")->required();
   app.add_flag("--each", each, "compare after each keyframe, and stop at the first that differs");
-  CLI11_PARSE(app, argc, argv);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    if (e.get_exit_code() == 0) return app.exit(e);  // --help
+    throw;
+  }
   const turbomap::recording recording = turbomap::read_recording(path);
   const auto& meta = recording.meta;
   if (meta.is_fisheye() || !(meta.bf > 0))
