@@ -101,8 +101,8 @@ void check_poses_found(const Policy& policy) {
   }
 }
 
-/// Frames that cannot be adjusted: all outliers (1), not a number (3), no observation (5), too few (6). Frame 2 sees a
-/// point that is not a number: an outlier like others.
+/// Frames that cannot be adjusted: all outliers (1), not a number (3), no observation (5), too few (6), no rotation (7, 8).
+/// Frame 2 sees a point that is not a number: an outlier like others.
 inline frames_input frames_to_refuse() {
   frames_input in(make_adjustment_scene(scene_kind::stereo, 5, 0, 60, 8));
   const double nan = std::numeric_limits<double>::quiet_NaN();
@@ -114,6 +114,13 @@ inline frames_input frames_to_refuse() {
   in.begin.push_back(n), in.s.poses.push_back({0, 0, 0, 2, 1, 2, 3});
   in.begin.push_back(n + 2), in.s.poses.push_back({});
   for (int k = 0; k < 2; ++k) in.add(0);
+  for (const double q : {0.0, 1e200}) {  // what frame 0 sees, from a pose that is none
+    for (std::size_t i = 0; i < in.s.frame.size(); ++i)
+      if (in.s.frame[i] == 0) in.add(i);
+    in.begin.push_back(static_cast<std::int32_t>(in.point.size()));
+    const auto T = in.s.poses[0];
+    in.s.poses.push_back({0, 0, 0, q, T.tx, T.ty, T.tz});
+  }
   return in;
 }
 
@@ -122,9 +129,9 @@ template <class Policy>
 void check_poses_refused(const Policy& policy) {
   const frames_input in = frames_to_refuse();
   const posed p = adjust_poses(policy, in);
-  const bool adjusted[] = {true, false, true, false, true, false, false};
-  REQUIRE(p.frames.size() == 7);
-  for (std::size_t f = 0; f < 7; ++f) {
+  const bool adjusted[] = {true, false, true, false, true, false, false, false, false};
+  REQUIRE(p.frames.size() == 9);
+  for (std::size_t f = 0; f < 9; ++f) {
     CAPTURE(f);
     CHECK((p.frames[f].adjusted != 0) == adjusted[f]);
     if (!adjusted[f]) CHECK(pose_error(p.frames[f].T_cw, in.s.poses[f]) == 0);

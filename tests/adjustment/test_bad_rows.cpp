@@ -233,7 +233,7 @@ TEST_CASE("a stereo row in the plane z = 0 of a fisheye is not defined, and the 
 
 TEST_CASE("quaternions that are not of unit length are refused by name") {
   auto s = make_adjustment_scene(scene_kind::mono, 3, 1, 10, 3);
-  for (const double scale : {2.0, 0.0, 0.99}) {
+  for (const double scale : {2.0, 0.0, 0.99, 1e200}) {  // the last: a square that is no number
     auto bad = s;
     auto& T = bad.poses[1];
     T.qx *= scale, T.qy *= scale, T.qz *= scale, T.qw *= scale;

@@ -351,6 +351,12 @@ TEST_CASE("faulty data are refused by name and value") {
             for (std::size_t i = 30; i < 100; ++i) m.t_ns[i] += 60 * ms;
           }),
           "samples.t_ns[30]", "max_gap");
+  // So far apart that 64 bits with a sign do not hold the difference.
+  refused(with([](imu_motion& m) {
+            for (int i = 0; i < 30; ++i)
+              m.t_ns[static_cast<std::size_t>(i)] = std::numeric_limits<std::int64_t>::min() + i * ms;
+          }),
+          "samples.t_ns[30]", "max_gap");
   refused(with([](imu_motion& m) { m.sample.pop_back(); }), "samples.sample.size()", "that of t_ns");
   refused(with([](imu_motion& m) { m.t_ns.resize(61), m.sample.resize(61); }), "interval.last", "is no sample");
   options.gyro_range = 4, options.acceleration_range = 16;
@@ -402,6 +408,8 @@ TEST_CASE("faulty data are refused by name and value") {
     };
   };
   refused(set(&preintegration_options::max_gap, 0), "options.max_gap", "positive");
+  refused(set(&preintegration_options::max_gap, 1e10), "options.max_gap", "at most 1e9");
+  refused(set(&preintegration_options::max_extrapolation, 1e10), "options.max_extrapolation", "at most 1e9");
   refused(set(&preintegration_options::max_extrapolation, -1), "options.max_extrapolation", "negative");
   refused(set(&preintegration_options::gyro_range, nan), "options.gyro_range", "finite");
 }

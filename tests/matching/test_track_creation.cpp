@@ -56,6 +56,22 @@ TEST_CASE_TEMPLATE("points of tracks are made as the oracle says", Policy, TURBO
   CHECK((stereo.methods[2] > 0 && stereo.methods[3] > 0));
 }
 
+TEST_CASE_TEMPLATE("a point whose variance no float can hold is at infinity", Policy, TURBOMAP_TEST_POLICIES) {
+  scene<orb, pinhole_camera> s(pinhole_rig(), many_views(1, motion::sideways));
+  const auto near = create_tracks_under(Policy{}, s, wide_gates(), {});
+  for (auto& f : s.frames) f.T_cw.tx *= 1e25, f.T_cw.ty *= 1e25, f.T_cw.tz *= 1e25;
+  const auto far = create_tracks_under(Policy{}, s, wide_gates(), {});
+  REQUIRE(far.points.size() == near.points.size());
+  int accepted = 0, at_infinity = 0;
+  for (std::size_t i = 0; i < far.points.size(); ++i) {
+    accepted += near.points[i].outcome == creation_outcome::accepted ? 1 : 0;
+    at_infinity += far.points[i].outcome == creation_outcome::at_infinity ? 1 : 0;
+    CHECK(far.points[i].outcome != creation_outcome::accepted);
+  }
+  CHECK(accepted > 10);
+  CHECK(at_infinity > 10);
+}
+
 TEST_CASE("other options, rigs of mixed models") {
   creation_options o;
   o.max_parallax_cosine = 0.9996, o.mono_chi2 = 2, o.stereo_chi2 = 20, o.scale_tolerance = 1, o.max_distance = 4;

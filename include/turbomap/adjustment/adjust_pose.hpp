@@ -100,6 +100,8 @@ struct adjust_one_pose {
     for_each_of(f, team, [&](int i) { outlier[i] = 0; });
     if (begin[f + 1] - begin[f] < options.min_observations) return false;
     const rigid_transform<double> start = normalised(guess[f]);
+    const double square = start.qx * start.qx + start.qy * start.qy + start.qz * start.qz + start.qw * start.qw;
+    if (!(square > 0.5)) return false;  // no rotation: it could not be normalised
     if constexpr (!Exact) weigh(f, team, start);
     for (int round = 0; round < options.rounds; ++round) {
       const bool robust = round < options.robust_rounds;

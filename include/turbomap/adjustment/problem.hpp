@@ -122,9 +122,10 @@ class basic_bundle_problem {
     for (const auto& x : frames.states) {
       const auto& T = Frame::template pose<double>(x);
       const double square = T.qx * T.qx + T.qy * T.qy + T.qz * T.qz + T.qw * T.qw;
-      require(!detail::is_finite(square) || (square > 1 - unit_tolerance && square < 1 + unit_tolerance),
+      const bool given = detail::is_finite(T.qx + T.qy + T.qz + T.qw);
+      require(!given || (square > 1 - unit_tolerance && square < 1 + unit_tolerance),
               "frames.states: squared norm of a quaternion", square, "must be 1");
-      finite = finite && detail::is_finite(T.qx + T.qy + T.qz + T.qw) && detail::is_finite(T.tx + T.ty + T.tz);
+      finite = finite && given && detail::is_finite(T.tx + T.ty + T.tz);
     }
     return finite;
   }

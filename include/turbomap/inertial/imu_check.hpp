@@ -23,8 +23,13 @@ TURBOMAP_BEGIN_NAMESPACE
 namespace detail {
 
 inline double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
-  return static_cast<double>(to_ns - from_ns) * 1e-9;
+  const bool later = to_ns >= from_ns;  // 64 bits with a sign do not hold the difference of all times
+  const std::uint64_t from = static_cast<std::uint64_t>(from_ns), to = static_cast<std::uint64_t>(to_ns);
+  const double apart = static_cast<double>(later ? to - from : from - to) * 1e-9;
+  return later ? apart : -apart;
 }
+/// s: so far apart samples may be that differences of times fit into 64 bits, in ns.
+inline constexpr double longest_gap = 1e9;
 
 inline void require_not_negative(const char* name, double value) {
   require(value >= 0 && is_finite(value), name, value, "must be finite and not negative");
@@ -37,8 +42,10 @@ inline void check_preintegration_options(const preintegration_options& o) {
   require_not_negative("options.noise.gyro_walk", o.noise.gyro_walk);
   require_not_negative("options.noise.acceleration_walk", o.noise.acceleration_walk);
   require_not_negative("options.noise.rate", o.noise.rate);
-  require(o.max_gap > 0 && is_finite(o.max_gap), "options.max_gap", o.max_gap, "must be finite and positive");
-  require_not_negative("options.max_extrapolation", o.max_extrapolation);
+  require(o.max_gap > 0 && o.max_gap <= longest_gap, "options.max_gap", o.max_gap,
+          "must be positive and at most 1e9: times are in ns");
+  require(o.max_extrapolation >= 0 && o.max_extrapolation <= longest_gap, "options.max_extrapolation",
+          o.max_extrapolation, "must not be negative, and at most 1e9: times are in ns");
   require_not_negative("options.gyro_range", o.gyro_range);
   require_not_negative("options.acceleration_range", o.acceleration_range);
   require_not_negative("options.max_gyro_bias_change", o.max_gyro_bias_change);

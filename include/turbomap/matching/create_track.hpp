@@ -155,7 +155,9 @@ struct create_track {
     const symmetric3<decision> C = covariance_from(f.information, f.farthest);
     const auto number = [](decision x) { return static_cast<float>(x.value); };
     p.covariance = {number(C.xx), number(C.yx), number(C.yy), number(C.zx), number(C.zy), number(C.zz)};
-    return creation_outcome::accepted;
+    // Beyond some 1e19 m a variance is no float: nothing that reads it could use the point.
+    const bool known = detail::is_finite(p.covariance.xx + p.covariance.yy + p.covariance.zz);
+    return known ? creation_outcome::accepted : creation_outcome::at_infinity;
   }
 
   /// Where the estimate begins: the point nearest to all rays, if a pair of them has more parallax than a stereo pair of any
