@@ -3,9 +3,9 @@
 #pragma once
 
 /// \file
-/// What the fuzz targets share. A target gives the fuzzer's bytes to a reader as files. Allowed is that the reader throws
-/// bad_file, or that what it returns keeps the reader's promises; all else, another exception too, ends the program, and
-/// libFuzzer keeps the input.
+/// What the fuzz targets share. The target of a reader gives the fuzzer's bytes to it as files (targets of algorithms:
+/// hostile.hpp). Allowed is that the reader throws bad_file, or that what it returns keeps the reader's promises; all else,
+/// another exception too, ends the program, and libFuzzer keeps the input.
 
 #include <cmath>
 #include <cstddef>

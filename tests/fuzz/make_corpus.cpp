@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -91,6 +92,17 @@ void recordings(const fs::path& corpus) {
   }
 }
 
+/// Any bytes are a problem to the targets of algorithms.
+void problems(const fs::path& corpus) {
+  std::mt19937 random(1);
+  for (const char* target : {"matching", "projection", "adjustment", "imu", "map_edits", "mapper"})
+    for (const char* name : {"a", "b", "c", "d", "e", "f"}) {
+      std::string any(200, 0);
+      for (char& c : any) c = static_cast<char>(random() >> 8 & 0xFFU);
+      write_bytes(in(corpus, target, name), any);
+    }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -98,5 +110,5 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "usage: make_corpus DIRECTORY\n");
     return 2;
   }
-  arrays(argv[1]), texts(argv[1]), recordings(argv[1]);
+  arrays(argv[1]), texts(argv[1]), recordings(argv[1]), problems(argv[1]);
 }

@@ -21,8 +21,13 @@ for target in "${targets[@]}"; do
   mkdir -p "build/fuzz/corpus/$target"
   log=build/fuzz/$target.log
   result=ok
-  "build/fuzz/fuzz/fuzz_$target" "build/fuzz/corpus/$target" "tests/fuzz/corpus/$target" -max_total_time="$seconds" -dict=tests/fuzz/numbers.dict \
-    -max_len=4096 -timeout=20 -rss_limit_mb=4096 -artifact_prefix="build/fuzz/findings/$target-" >"$log" 2>&1 ||
+  case $target in
+    # Choices of a random problem: bytes without a grammar, and as many of them as a problem needs.
+    matching | projection | adjustment | imu | map_edits | mapper) options=(-max_len=256 -len_control=0) ;;
+    *) options=(-max_len=4096 -dict=tests/fuzz/numbers.dict) ;;
+  esac
+  "build/fuzz/fuzz/fuzz_$target" "build/fuzz/corpus/$target" "tests/fuzz/corpus/$target" -max_total_time="$seconds" \
+    "${options[@]}" -timeout=20 -rss_limit_mb=4096 -artifact_prefix="build/fuzz/findings/$target-" >"$log" 2>&1 ||
     { result="FOUND SOMETHING, see $log"; status=1; }
   executions=$(sed -nE 's/^Done ([0-9]+) runs.*/\1/p' "$log")
   printf '%-16s %10s executions  %s\n' "$target" "${executions:--}" "$result"

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "local_mapper_cases.hpp"
+#include "soak_cases.hpp"
 #include "support/policies.hpp"
 
 namespace {
@@ -96,5 +97,7 @@ TEST_CASE("with room for a keyframe and its neighbours only, points are describe
   traits::for_each_point(bound.map, [&](turbomap::map_point_id p) { CHECK(traits::max_distance(bound.map, p) > 0); });
   check_good(bound.quality());
 }
+
+TEST_CASE("a long run: time and memory per keyframe stay, and nothing is confused") { check_long_run(); }
 
 }  // namespace

@@ -28,7 +28,7 @@ struct motion_only_options {
 struct posed_frame {
   rigid_transform<double> T_cw;  ///< world to body
   std::int32_t inliers;          ///< of the last round
-  std::int32_t adjusted;         ///< 0: the pose is to the bit what was given (few observations, not finite, no rotation)
+  std::int32_t adjusted;         ///< 0: the pose is to the bit what was given (few observations, not finite, no pose)
   double cost;                   ///< sum of rho(chi2) of the inliers of the last round
 };
 
