@@ -32,11 +32,15 @@ struct warp_workers {
 template <class Descriptor, class Camera>
 __global__ void __launch_bounds__(warp_size* create_tracks_tuning::warps)
     create_tracks_kernel(track_creation_view<Descriptor, Camera> tracks) {
-  __shared__ detail::view_fit fits[create_tracks_tuning::warps][warp_size];
+  using detail::view_fit;
+  constexpr int of_warp = warp_size * static_cast<int>(sizeof(view_fit));
+  // Bytes, because shared memory runs no constructors: look() writes whatever of a view is read.
+  alignas(view_fit) __shared__ unsigned char fits[create_tracks_tuning::warps * of_warp];
   const int warp = static_cast<int>(threadIdx.x) / warp_size;
   const int t = static_cast<int>(blockIdx.x) * create_tracks_tuning::warps + warp;
   if (t >= tracks.track_count) return;  // whole warps
-  create_track<Descriptor, Camera, detail::warp_workers>{tracks}.make(t, {fits[warp]});
+  create_track<Descriptor, Camera, detail::warp_workers>{tracks}.make(
+      t, {reinterpret_cast<view_fit*>(fits + warp * of_warp)});
 }
 
 template <class Derived, class Descriptor, class Camera>
