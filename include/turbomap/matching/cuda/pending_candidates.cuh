@@ -18,8 +18,8 @@ namespace detail {
 /// A pair that is near enough.
 template <class Distance>
 struct pending_candidate {
-  std::int32_t query;  ///< number among the queries of the warp or block
-  std::int32_t keypoint;
+  std::int32_t query;      ///< number among the queries of the warp or block
+  std::int32_t candidate;  ///< as pushed: a keypoint of the neighbour, or its place in search_view::candidates
   Distance distance;
 };
 

@@ -65,10 +65,10 @@ __device__ inline void search_of_warp(const search_view<Descriptor, Camera>& sea
   }
   const auto judge = [&] {
     Entry mine{};
-    const bool good = pending.pop(mine) && consistent_pair(search, n, keypoint(mine.query), mine.keypoint);
+    const bool good = pending.pop(mine) && consistent_pair(search, n, keypoint(mine.query), mine.candidate);
 #pragma unroll
     for (int q = 0; q < Queries; ++q) {
-      found of_query{mine.distance, good && mine.query == q ? mine.keypoint : no_match};
+      found of_query{mine.distance, good && mine.query == q ? mine.candidate : no_match};
       if (!__any_sync(whole_warp, of_query.keypoint != no_match)) continue;
       for (int lanes = warp_size / 2; lanes > 0; lanes /= 2) {
         const found other{__shfl_xor_sync(whole_warp, of_query.distance, lanes),
@@ -149,7 +149,7 @@ __device__ inline void search_of_block(const search_view<Descriptor, Camera>& se
   const auto judge = [&] {
     Entry mine{};
     if (pending.pop(mine) && mine.distance <= rank::distance(rank::read(best + mine.query))) {
-      const std::int32_t c = search.candidates[mine.keypoint];
+      const std::int32_t c = search.candidates[mine.candidate];
       if (consistent_pair(search, n, search.queries[first + mine.query], c))
         atomicMin(best + mine.query, rank::rank(mine.distance, c, ties));
     }
