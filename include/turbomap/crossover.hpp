@@ -7,6 +7,7 @@
 /// given. A device needs 0.03 ms (search) to 0.5 ms (adjustment) for a call, however small; below the crossover the host is done
 /// before.
 
+#include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -15,6 +16,7 @@
 #include <limits>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 
 #include "error.hpp"
 
@@ -48,14 +50,27 @@ namespace plain_detail {
 inline constexpr const char* work_names[work_kinds] = {"search", "adjustment", "motion_only"};
 inline constexpr const char* crossover_title = "turbomap crossover 1";
 
+/// "name number" and the end of the line or file. Whatever the locale.
+inline bool parse_crossover_line(const char* line, const char* name, double& least) {
+  const std::size_t length = std::strlen(name);
+  if (std::strncmp(line, name, length) != 0 || line[length] != ' ') return false;
+  const char* const number = line + length + 1;
+  const char* const end = number + std::strcspn(number, "\n");
+  const auto [rest, error] = std::from_chars(number, end, least);
+  return error == std::errc() && rest == end && least >= 0;
+}
+
 }  // namespace plain_detail
 
-/// Writes a text file of four lines. Throws std::runtime_error where it cannot.
+/// Writes a text file of four lines, whatever the locale. Throws std::runtime_error where it cannot.
 inline void write_crossover(const std::string& file, const crossover& c) {
   std::FILE* const out = std::fopen(file.c_str(), "w");
   bool good = out != nullptr && std::fprintf(out, "%s\n", plain_detail::crossover_title) > 0;
-  for (std::size_t k = 0; good && k < work_kinds; ++k)
-    good = std::fprintf(out, "%s %.17g\n", plain_detail::work_names[k], c.least[k]) > 0;
+  for (std::size_t k = 0; good && k < work_kinds; ++k) {
+    char number[32] = {};  // the shortest form that reads back as it is: 24 characters at most
+    std::to_chars(number, number + sizeof number - 1, c.least[k]);
+    good = std::fprintf(out, "%s %s\n", plain_detail::work_names[k], number) > 0;
+  }
   if (out != nullptr) good = std::fclose(out) == 0 && good;
   if (!good) throw std::runtime_error("turbomap: " + file + ": cannot be written");
 }
@@ -64,14 +79,13 @@ inline void write_crossover(const std::string& file, const crossover& c) {
 inline crossover read_crossover(const std::string& file) {
   std::FILE* const in = std::fopen(file.c_str(), "r");
   if (in == nullptr) throw bad_file("turbomap: " + file + ": cannot be read");
-  char line[64], name[32], rest[2];
+  char line[64];
   crossover c;
   bool good = std::fgets(line, sizeof line, in) != nullptr &&
               std::string(line) == std::string(plain_detail::crossover_title) + "\n";
   for (std::size_t k = 0; good && k < work_kinds; ++k)
     good = std::fgets(line, sizeof line, in) != nullptr &&
-           std::sscanf(line, "%31s %lf %1s", name, &c.least[k], rest) == 2 &&
-           std::strcmp(name, plain_detail::work_names[k]) == 0 && c.least[k] >= 0;
+           plain_detail::parse_crossover_line(line, plain_detail::work_names[k], c.least[k]);
   good = good && std::fgets(line, sizeof line, in) == nullptr;
   std::fclose(in);
   if (!good) throw bad_file("turbomap: " + file + ": is not a file of crossovers");
