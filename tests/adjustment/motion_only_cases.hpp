@@ -114,12 +114,13 @@ inline frames_input frames_to_refuse() {
   in.begin.push_back(n), in.s.poses.push_back({0, 0, 0, 2, 1, 2, 3});
   in.begin.push_back(n + 2), in.s.poses.push_back({});
   for (int k = 0; k < 2; ++k) in.add(0);
-  for (const double q : {0.0, 1e200}) {  // what frame 0 sees, from a pose that is none
+  // What frame 0 sees, in its own axes: the formula of a rotation makes the identity, which fits, of a quaternion of zeros.
+  const auto T = turbomap::to_isometry<double>(in.s.poses[0]);
+  for (const double q : {0.0, 1e200}) {
     for (std::size_t i = 0; i < in.s.frame.size(); ++i)
-      if (in.s.frame[i] == 0) in.add(i);
+      if (in.s.frame[i] == 0) in.add(i), in.point.back() = T * in.point.back();
     in.begin.push_back(static_cast<std::int32_t>(in.point.size()));
-    const auto T = in.s.poses[0];
-    in.s.poses.push_back({0, 0, 0, q, T.tx, T.ty, T.tz});
+    in.s.poses.push_back({0, 0, 0, q, 0, 0, 0});
   }
   return in;
 }
