@@ -46,7 +46,7 @@ TEST_CASE("windows hold every candidate whose interval meets that of the query")
   std::mt19937 random(2);
   for (int round = 0; round < 1000; ++round) {
     const int n = 1 + static_cast<int>(random() % 200);
-    const double widest = between(random, -3, 0.8);  // of the round, so that every class is used
+    const double widest = between(random, -3, 0.8);  // of the round, so that all kinds are there
     std::vector<plane_interval> intervals;
     std::vector<std::int32_t> names, keys(static_cast<std::size_t>(n)), candidates(static_cast<std::size_t>(n));
     std::vector<std::int32_t> offsets(static_cast<std::size_t>(epipolar_order_layout::total_buckets()) + 1);
@@ -61,8 +61,8 @@ TEST_CASE("windows hold every candidate whose interval meets that of the query")
       intervals.push_back(interval());
       names.push_back(1000 + i);
     }
-    float narrowest = 0;
-    epipolar_table table{offsets.data(), candidates.data(), &narrowest};
+    float sorted_width = 0;
+    epipolar_table table{offsets.data(), candidates.data(), &sorted_width};
     table.build(names.data(), intervals.data(), keys.data(), n);
     for (int i = 0; i < 50; ++i) {
       const plane_interval q = interval();

@@ -7,10 +7,10 @@
 /// a query keypoint are a short window. Exact: a candidate outside the window cannot pass the epipolar test.
 ///
 /// All planes through the baseline of two views are ordered by one angle. A keypoint that may be off by r pixels fixes its
-/// plane up to a half-width w, large for coarse octaves and near the epipole. Candidates are sorted into classes of w, each
-/// class into buckets of angle (one counting sort); a query reads, of each class, the buckets that overlap its own angle
-/// +- (its w + the class's w). One class is enough: the few wider candidates are compared with every query. Half-widths are
-/// upper bounds with a slack far above float rounding: the windows may be too long, never too short.
+/// plane up to a half-width w, large for coarse octaves and near the epipole. Candidates of up to some w are sorted into buckets
+/// of angle (one counting sort); a query reads the buckets that overlap its own angle +- (its w + that w). The few wider
+/// candidates are compared with every query. Half-widths are upper bounds with a slack far above float rounding: the windows may be
+/// too long, never too short.
 
 #include <cmath>
 #include <cstdint>
@@ -21,21 +21,18 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Shape of the classes and buckets: a compromise between comparing too much and reading too many windows, measured; no
-/// influence on results.
+/// Shape of the buckets: a compromise between comparing too much and reading too many windows, measured; no influence on
+/// results.
 struct epipolar_order_layout {
-  static constexpr int class_count =
-      1;                               ///< candidates wider than the last are compared with every query; if there were
-                                       ///< more classes, each would be 4 times as wide as the one before
-  static constexpr float typical = 4;  ///< class 0 is this times the mean half-width of the table's candidates
-  static constexpr float widest = 1.0F / 3;  ///< but not wider, rad
+  /// Candidates are sorted up to this times the mean half-width of the table's; wider ones are compared with every query.
+  static constexpr float typical = 4;
+  static constexpr float widest = 1.0F / 3;  ///< but not beyond, rad
   static constexpr float slack = 3e-4F;      ///< rad, added to every half-width
   static constexpr float pi = 3.14159265F;
 
-  static constexpr int bucket_count(int k) { return 1024 >> (2 * k); }  ///< over the full circle
-  static constexpr int first_bucket(int k) { return k == 0 ? 0 : first_bucket(k - 1) + bucket_count(k - 1); }
+  static constexpr int bucket_count = 1024;  ///< over the full circle
   /// All buckets, and one more for the candidates of every query.
-  static constexpr int total_buckets() { return first_bucket(class_count) + 1; }
+  static constexpr int total_buckets() { return bucket_count + 1; }
 };
 
 /// An approximation of atan2 in [0, 2 pi), wrong by less than 1e-4: what decides comes later. F: float, or a pack of them.
@@ -169,23 +166,16 @@ struct epipolar_table {
   using layout = epipolar_order_layout;
 
   std::int32_t* offsets;     ///< total_buckets() + 1
-  std::int32_t* candidates;  ///< by class, then bucket; within a bucket in no particular order
-  float* narrowest;          ///< half-width of class 0, rad
+  std::int32_t* candidates;  ///< by bucket; within a bucket in no particular order
+  float* sorted_width;       ///< half-width up to which candidates are sorted, rad
 
-  float class_width(int k) const { return *narrowest * static_cast<float>(1 << (2 * k)); }
-  /// Class of a half-width: the first that is wide enough, or class_count when none is.
-  int width_class(float half_width) const {
-    int k = half_width < 0 ? layout::class_count : 0;
-    while (k < layout::class_count && half_width > class_width(k)) ++k;
-    return k;
-  }
-  static int bucket_of(int k, float angle) {
-    const int n = layout::bucket_count(k);
+  static int bucket_of(float angle) {
+    constexpr int n = layout::bucket_count;
     const int bucket = static_cast<int>(angle * (static_cast<float>(n) / (2 * layout::pi)));
     return bucket < 0 ? 0 : bucket >= n ? n - 1 : bucket;
   }
 
-  /// Sorts `count` candidates: chooses the classes by their intervals, then one counting sort by bucket.
+  /// Sorts `count` candidates: chooses by their intervals which are sorted, then one counting sort by bucket.
   /// \param keys  scratch of `count`
   void build(const std::int32_t* keypoints, const plane_interval* intervals, std::int32_t* keys, int count) {
     float sum = 0;
@@ -195,12 +185,12 @@ struct epipolar_table {
       bounded += intervals[i].half_width < 0 ? 0 : 1;
     }
     const float typical = bounded == 0 ? layout::widest : layout::typical * sum / static_cast<float>(bounded);
-    *narrowest = typical < layout::widest ? typical : layout::widest;
+    *sorted_width = typical < layout::widest ? typical : layout::widest;
     for (int i = 0; i <= layout::total_buckets(); ++i) offsets[i] = 0;
     for (int i = 0; i < count; ++i) {
-      const int k = width_class(intervals[i].half_width);
-      keys[i] = k == layout::class_count ? layout::total_buckets() - 1
-                                         : layout::first_bucket(k) + bucket_of(k, intervals[i].angle);
+      const plane_interval& at = intervals[i];
+      const bool sorted = at.half_width >= 0 && !(at.half_width > *sorted_width);
+      keys[i] = sorted ? bucket_of(at.angle) : layout::bucket_count;
       ++offsets[keys[i] + 1];
     }
     for (int i = 0; i < layout::total_buckets(); ++i) offsets[i + 1] += offsets[i];
@@ -212,33 +202,31 @@ struct epipolar_table {
 
   bool empty() const { return offsets[layout::total_buckets()] == 0; }
 
+  /// Ranges [first, last) of `candidates`: the second is often empty.
+  struct window {
+    std::int32_t first[2], last[2];
+  };
+  /// Every candidate whose interval meets `q`, and others. Without a branch that depends on `q`, so that windows of many
+  /// queries can be read at once.
+  window window_of(const plane_interval& q) const {
+    // Those of every query come last. Where the circle wraps, the second range is the end of it with them, else they alone.
+    constexpr int n = layout::bucket_count, end = layout::total_buckets();
+    constexpr float per_bucket = static_cast<float>(n) / (2 * layout::pi);
+    const float angle = q.half_width < 0 ? 0.0F : q.angle;  // an unbounded one need not be a number
+    const float half = q.half_width + *sorted_width;
+    const int low = static_cast<int>(std::floor((angle - half) * per_bucket));
+    const int high = static_cast<int>(std::floor((angle + half) * per_bucket));
+    const bool all = q.half_width < 0 || high - low + 1 >= n, before = low < 0, after = high >= n;
+    const int first = all || before || after ? 0 : low;
+    const int last = all ? n : before ? high + 1 : after ? high - n + 1 : high + 1;
+    const int rest = all ? n : before ? n + low : after ? low : n;
+    return {{offsets[first], offsets[rest]}, {offsets[last], offsets[end]}};
+  }
   /// Calls visit(first, last) for ranges of `candidates` that together hold every candidate whose interval meets `q`.
   template <class Visit>
   void windows(const plane_interval& q, Visit visit) const {
-    constexpr int everywhere = layout::total_buckets() - 1;
-    if (q.half_width < 0) {
-      visit(offsets[0], offsets[everywhere + 1]);
-      return;
-    }
-    for (int k = 0; k < layout::class_count; ++k) {
-      const int first = layout::first_bucket(k), n = layout::bucket_count(k);
-      if (offsets[first] == offsets[first + n]) continue;
-      const float half = q.half_width + class_width(k), per_bucket = static_cast<float>(n) / (2 * layout::pi);
-      const int low = static_cast<int>(std::floor((q.angle - half) * per_bucket));
-      const int high = static_cast<int>(std::floor((q.angle + half) * per_bucket));
-      if (high - low + 1 >= n) {
-        visit(offsets[first], offsets[first + n]);
-      } else if (low < 0) {
-        visit(offsets[first], offsets[first + high + 1]);
-        visit(offsets[first + n + low], offsets[first + n]);
-      } else if (high >= n) {
-        visit(offsets[first], offsets[first + high - n + 1]);
-        visit(offsets[first + low], offsets[first + n]);
-      } else {
-        visit(offsets[first + low], offsets[first + high + 1]);
-      }
-    }
-    visit(offsets[everywhere], offsets[everywhere + 1]);
+    const window w = window_of(q);
+    for (int i = 0; i < 2; ++i) visit(w.first[i], w.last[i]);
   }
 };
 

@@ -79,17 +79,19 @@ struct ordered_search {
     chunk.straight = g.straight;
     plane_interval intervals[chunk_size];
     measure(chunk.rays, chunk.count, intervals);
+    // All windows first: the loads of one need not wait until the branches of the last query are known.
+    epipolar_table::window windows[chunk_size];
+    for (int i = 0; i < chunk.count; ++i) windows[i] = table.window_of(intervals[i]);
     for (int i = 0; i < chunk.count; ++i) {
       const int slot = chunk.slots[i], keypoint = search.queries[slot];
       const auto* descriptor = query.descriptor_of(keypoint);
       std::int32_t& match = search.match[n * search.slot_count + slot];
       auto& distance = search.distance[n * search.slot_count + slot];
       candidate_scan<Descriptor, Camera> scan(search, n, keypoint, match, distance);
-      table.windows(intervals[i], [&](std::int32_t begin, std::int32_t end) {
+      for (int range = 0; range < 2; ++range)
         descriptors.visit_near(
-            descriptor, begin, end, [&] { return scan.best_distance(); },
+            descriptor, windows[i].first[range], windows[i].last[range], [&] { return scan.best_distance(); },
             [&](std::int32_t k, auto d) { scan.consider(table.candidates[k], d); });
-      });
       match = scan.best();
       distance = scan.best_distance();
     }

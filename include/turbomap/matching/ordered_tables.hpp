@@ -32,7 +32,7 @@ struct ordered_tables {
   search_view<Descriptor, Camera> search;
   std::int32_t* offsets;
   std::int32_t* sorted;
-  float* narrowest;
+  float* sorted_width;
   std::int32_t* keypoints;  ///< those of the camera, before sorting
   plane_interval* intervals;
   std::int32_t* keys;
@@ -41,7 +41,8 @@ struct ordered_tables {
 
   epipolar_table view(int n, int a, int b) const {
     const std::int64_t table = number(n, a, b);
-    return {offsets + table * (epipolar_order_layout::total_buckets() + 1), sorted + first(n, a, b), narrowest + table};
+    return {offsets + table * (epipolar_order_layout::total_buckets() + 1), sorted + first(n, a, b),
+            sorted_width + table};
   }
   /// The descriptors of one table.
   window_descriptors<Descriptor> descriptors_of(int n, int a, int b) const {
@@ -164,7 +165,7 @@ ordered_tables<Descriptor, Camera, Side> take_tables(scratch_arena<Memory>& scra
   result.search = search;
   result.offsets = scratch.template take<std::int32_t>(tables * (epipolar_order_layout::total_buckets() + 1));
   result.sorted = scratch.template take<std::int32_t>(entries);
-  result.narrowest = scratch.template take<float>(tables);
+  result.sorted_width = scratch.template take<float>(tables);
   result.keypoints = scratch.template take<std::int32_t>(entries);
   result.intervals = scratch.template take<plane_interval>(entries);
   result.keys = scratch.template take<std::int32_t>(entries);
