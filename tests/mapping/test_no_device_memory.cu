@@ -37,64 +37,26 @@ struct no_device_memory_after {
 
 #include <thrust/system/cuda/execution_policy.h>
 
-#include "local_mapper_cases.hpp"
-#include "support/fail_everywhere.hpp"
+#include "no_memory_cases.hpp"
 #include "support/stream.cuh"
 
 namespace {
 
 using namespace turbomap_test;
-using turbomap::mapping_stage;
-using turbomap::stage_outcome;
 using map_type = mapped_by<pinhole_camera>;
 using device_run = mapping_run<map_type, stream_policy, turbomap::local_adjustment<map_type, stream_policy>>;
 
 TEST_CASE("every allocation of device memory may fail") {
   const stream on;
-  mapping_recipe small = noisy(2);
-  small.per_metre = 8, small.clutter = 5;
-  auto c = stereo_case(small);
-  c.options.neighbours.neighbourhood.min_shared_points = 5;
-  c.options.adjustment.min_shared_points = 5;
+  const auto c = case_of_failures();
   const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
-  turbomap::keyframe_store_options store;
-  store.chunk_bytes = std::size_t{1} << 16, store.byte_budget = std::size_t{20} << 16;
-  device_run run(scene, c.options, {}, on.policy(), store);
-  run.notes_creation = false;
-  int inserting = 0, processing = 0;
-  std::size_t adjusted = 0;
-  for (int n = 0; n < 10; ++n) {
-    CAPTURE(n);
-    const auto k = run.add();
-    const auto& view = run.view(run.keyframes().size() - 1);
-    const std::size_t stored = run.store.size();
-    const auto data = scene.data<turbomap::binary_descriptor<256>>(view);
-    inserting += fail_everywhere<no_device_memory_after>([&] { run.mapper.insert(k, data); },
-                                                         [&] {
-                                                           REQUIRE(run.store.size() == stored);
-                                                           REQUIRE(run.mapper.stored().size() == stored);
-                                                         });
-    REQUIRE(run.store.size() == stored + 1);
-    run.associate(k, view);
-    processing += fail_everywhere<no_device_memory_after>([&] { run.mapper.process(k); },
-                                                          [&] {
-                                                            REQUIRE(turbomap::validate(run.map).empty());
-                                                            REQUIRE(run.store.size() == run.mapper.stored().size());
-                                                            REQUIRE(run.store.statistics().pinned_sets == 0);
-                                                          });
-    const auto& report = run.mapper.report();
-    for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) CHECK(report.outcome.values[s] == stage_outcome::done);
-    CHECK(report.refused.empty());
-    adjusted += report.adjustment.solve.accepted > 0 ? 1 : 0;
-    run.note();
-  }
+  device_run run(scene, c.options, {}, on.policy(), store_of_failures());
+  const failures_met met = map_with_failures<no_device_memory_after>(run, scene, 10);
   CHECK(cudaGetLastError() == cudaSuccess);  // no error is left behind for somebody else's next call
-  CHECK(inserting > 2);
-  CHECK(processing > 20);
-  CHECK(adjusted > 5);
+  CHECK(met.inserting > 2);
+  CHECK(met.processing > 20);
+  CHECK(met.adjusted > 5);
   CHECK(run.quality().points > 50);
-  CHECK(turbomap::validate(run.map).empty());
-  CHECK(run.quality().merged_wrongly == 0);
 }
 
 }  // namespace
