@@ -151,6 +151,28 @@ TEST_CASE("a side that throws is not faster: its errors reach the caller, then t
   }
 }
 
+TEST_CASE("errors of the caller say nothing about a side: both are measured after any number of them") {
+  both_sides both({}, {});
+  const auto refused = [](auto&) { throw std::invalid_argument("argument"); };
+  for (int i = 0; i < 2 * turbomap::crossover_measurement::samples; ++i)
+    CHECK_THROWS_AS(both.run(work_kind::search, 300, refused), std::invalid_argument);
+  int host = 0, device = 0;
+  for (int i = 0; i < 2 * turbomap::crossover_measurement::samples; ++i)
+    ++(run(both, work_kind::search, 300) == work_side::host ? host : device);
+  CHECK(host == turbomap::crossover_measurement::samples);
+  CHECK(device == turbomap::crossover_measurement::samples);
+  CHECK(both.side(work_kind::search, 300) == work_side::device);
+}
+
+TEST_CASE("a failure among calls that succeed does not close a side") {
+  turbomap::crossover_measurement times;
+  for (int i = 0; i < turbomap::crossover_measurement::samples; ++i) {
+    times.record(work_kind::search, 1, work_side::host, 2);
+    times.record(work_kind::search, 1, work_side::device, i == 0 ? 1 : infinity);
+  }
+  CHECK(times.next(work_kind::search, 1) == work_side::device);
+}
+
 TEST_CASE("one error counts as a slow call, and as none where nothing is measured") {
   both_sides both({}, {});
   both.pin(work_side::host);

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cstdint>
 #include <limits>
+#include <stdexcept>
 #include <type_traits>
 #include <utility>
 
@@ -47,8 +48,9 @@ class automatic {
     return choice_ == choice::known ? known_.side(kind, amount) : times_.next(kind, amount);
   }
   /// Calls work(ctx) with the context that is faster. `work` puts its data where that context computes, and copies the result
-  /// out; its type is the same for both. While it is measured, the call also waits for the context, and work that throws counts
-  /// as infinitely slow there. Throws what work throws.
+  /// out; its type is the same for both. While it is measured, the call also waits for the context. A side whose first
+  /// crossover_measurement::samples calls of a size all throw is not taken for that size. Errors of the caller
+  /// (std::invalid_argument) are the same on both sides and do not count. Throws what work throws.
   template <class Work>
   auto run(work_kind kind, double amount, Work&& work) {
     const work_side where = side(kind, amount);
@@ -78,6 +80,8 @@ class automatic {
           stop(ctx, begin);
           return result;
         }
+      } catch (const std::invalid_argument&) {  // of the caller: says nothing about this side
+        throw;
       } catch (...) {  // counted, so that the next call of this size tries the other side
         if (on) all.times_.record(kind, amount, where, std::numeric_limits<double>::infinity());
         throw;

@@ -106,7 +106,8 @@ class crossover_measurement {
       return s.device.count < s.host.count ? work_side::device : work_side::host;
     return s.device.seconds < s.host.seconds ? work_side::device : work_side::host;
   }
-  /// What a call took; infinity: it failed.
+  /// What a call took; infinity: it failed. As the fastest counts, a failure does so only while all calls of its side and size
+  /// fail.
   void record(work_kind kind, double amount, work_side where, double seconds) {
     size_class& s = const_cast<size_class&>(of(kind, amount));
     times& t = where == work_side::device ? s.device : s.host;
