@@ -63,7 +63,7 @@ std::vector<view_pair> view_pairs(const image_features& a, const simulation::sim
   std::vector<best_of_b> taken(b.keypoints.size());
   for (std::size_t i = 0; i < a.keypoints.size(); ++i) {
     if (!free_a(i)) continue;
-    std::uint32_t best = options.most_different + 1, second = 256;
+    std::uint32_t best = 257, second = 257;  // more bits than a descriptor has: none yet
     std::size_t at = 0;
     for (std::size_t j = 0; j < b.keypoints.size(); ++j) {
       if (!free_b(j)) continue;

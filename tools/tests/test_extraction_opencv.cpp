@@ -175,6 +175,40 @@ TEST_CASE("a rendered fisheye pair") {
   CHECK(share_below(v.association_error, 0.1) > 0.9);
 }
 
+TEST_CASE("pairs of two views: a best descriptor is compared with the second best that there is") {
+  turbomap::simulation::simulated_camera camera;
+  camera.model = turbomap::pinhole<double>{200, 200, 160, 120};
+  camera.width = 320, camera.height = 240;
+  Eigen::Isometry3d T_ab = Eigen::Isometry3d::Identity();
+  T_ab.translation().x() = 0.1;
+  const auto bits = [](int count) {
+    turbomap::descriptor_bytes d{};
+    for (int i = 0; i < count; ++i)
+      d[static_cast<std::size_t>(i / 8)] = static_cast<std::uint8_t>(d[static_cast<std::size_t>(i / 8)] | 1 << i % 8);
+    return d;
+  };
+  turbomap::keypoint in_a, in_b;  // of a point 1 m ahead of the first view
+  in_a.x = 160, in_b.x = 140, in_a.y = in_b.y = 120;
+  const auto pairs = [&](const std::vector<int>& distances) {
+    const auto any = [](std::size_t) { return true; };
+    ext::image_features a, b;
+    a.keypoints = {in_a}, a.descriptors = {bits(0)};
+    for (const int d : distances) b.keypoints.push_back(in_b), b.descriptors.push_back(bits(d));
+    return ext::view_pairs(a, camera, b, camera, T_ab, 1.2F, {}, any, any);
+  };
+  for (const auto& distances : {std::vector<int>{45, 90}, {45}, {50, 63}}) {
+    const auto found = pairs(distances);
+    REQUIRE(found.size() == 1);
+    CHECK(found[0].b == 0);
+    CHECK((found[0].point - Eigen::Vector3d(0, 0, 1)).norm() < 1e-9);
+  }
+  REQUIRE(pairs({90, 45}).size() == 1);
+  CHECK(pairs({90, 45})[0].b == 1);
+  CHECK(pairs({45, 56}).empty());  // 45 > 0.8 * 56
+  CHECK(pairs({51}).empty());
+  CHECK(pairs({}).empty());
+}
+
 TEST_CASE("keyframes come by time, way and turn, and only where there is a pose") {
   ext::asl_dataset data;
   data.cameras.resize(2);
