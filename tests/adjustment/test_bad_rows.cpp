@@ -240,9 +240,21 @@ TEST_CASE("quaternions that are not of unit length are refused by name") {
     CHECK_THROWS_WITH_AS(adjust_scene(sequential{}, bad, in_float64()), doctest::Contains("quaternion"),
                          std::invalid_argument);
   }
+  auto overflowing = s;  // finite, each of them; their sum is not
+  overflowing.poses[1].qx = overflowing.poses[1].qy = 1.5e308;
+  CHECK_THROWS_WITH_AS(adjust_scene(sequential{}, overflowing, in_float64()), doctest::Contains("quaternion"),
+                       std::invalid_argument);
   auto& T = s.poses[1];
   T.qx = static_cast<float>(T.qx), T.qy = static_cast<float>(T.qy), T.qz = static_cast<float>(T.qz);
   CHECK(adjust_scene(sequential{}, s, in_float64()).summary.accepted > 0);
+}
+
+TEST_CASE("a translation of finite numbers whose sum overflows is finite") {
+  auto s = make_adjustment_scene(scene_kind::mono, 3, 1, 10, 3);
+  s.fixed.resize(s.poses.size() + 1, 1);
+  s.poses.push_back(s.poses[0]);  // seen by nothing
+  s.poses.back().tx = s.poses.back().ty = 1.5e308;
+  CHECK(adjust_scene(sequential{}, s, in_float64()).summary.end != adjustment_end::not_finite);
 }
 
 TEST_CASE("pairs are counted before they are listed") {

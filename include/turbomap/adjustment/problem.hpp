@@ -115,17 +115,19 @@ class basic_bundle_problem {
             "must be 0: masks are for frames of up to 32 unknowns");
     const int frame_count = static_cast<int>(frames.states.size());
     const int landmark_count = static_cast<int>(landmarks.positions.size());
+    const auto each_finite = [](auto... x) {
+      return (detail::is_finite(x) && ...);
+    };  // a sum of finite ones may overflow
     bool finite = true;
     ((finite = resident_group<Groups, Frame, Memory>::check(groups, frame_count, landmark_count) && finite), ...);
-    for (const auto& p : landmarks.positions)
-      finite = finite && detail::is_finite(p.x) && detail::is_finite(p.y) && detail::is_finite(p.z);
+    for (const auto& p : landmarks.positions) finite = finite && each_finite(p.x, p.y, p.z);
     for (const auto& x : frames.states) {
       const auto& T = Frame::template pose<double>(x);
       const double square = T.qx * T.qx + T.qy * T.qy + T.qz * T.qz + T.qw * T.qw;
-      const bool given = detail::is_finite(T.qx + T.qy + T.qz + T.qw);
+      const bool given = each_finite(T.qx, T.qy, T.qz, T.qw);
       require(!given || (square > 1 - unit_tolerance && square < 1 + unit_tolerance),
               "frames.states: squared norm of a quaternion", square, "must be 1");
-      finite = finite && given && detail::is_finite(T.tx + T.ty + T.tz);
+      finite = finite && given && each_finite(T.tx, T.ty, T.tz);
     }
     return finite;
   }
