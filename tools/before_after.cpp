@@ -5,13 +5,10 @@
 /// turbomap-before-after: one system, its local mapping written by hand, and by the library. See docs/programs.md.
 
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <exception>
-#include <map>
 #include <stdexcept>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <thrust/system/cpp/execution_policy.h>
@@ -21,6 +18,7 @@
 #include <turbomap/local_mapper.hpp>
 #include <turbomap/map/validate.hpp>
 
+#include "before_after/map_difference.hpp"
 #include "before_after/sequential_mapping.hpp"
 #include "objects_map/objects_map.hpp"
 #include "replay/replayed_map.hpp"
@@ -30,13 +28,13 @@ namespace {
 
 using turbomap::mapping_stage;
 using turbomap::per_stage;
+using turbomap_before_after::compare;
 using turbomap_before_after::sequential_mapping;
 using turbomap_program::keyframe_ptr;
 using turbomap_program::point_ptr;
 using turbomap_replay::now_ms;
 using camera = turbomap::pinhole<float>;
 using map_type = turbomap_program::objects_map<camera>;
-using traits = turbomap::map_traits<map_type>;
 using world_type = turbomap_replay::replayed_map<map_type>;
 
 /// Keyframe i comes from tracking. \param insert  what the system does with its features, timed
@@ -113,51 +111,6 @@ class before {
   sequential_mapping mapping_;
 };
 
-/// What differs between two maps.
-struct difference {
-  std::size_t keyframes = 0, points = 0, observations = 0, descriptors = 0;
-  double position_m = 0, appearance = 0;  ///< largest: m; relative, of normals and ranges
-  bool equal() const {
-    return keyframes + points + observations + descriptors == 0 && position_m <= 1e-6 && appearance <= 1e-5;
-  }
-};
-difference compare(const map_type& a, const map_type& b) {
-  difference d;
-  std::vector<std::uint64_t> keyframes[2];
-  std::map<std::uint64_t, point_ptr> points[2];
-  const map_type* maps[]{&a, &b};
-  for (int m = 0; m < 2; ++m) {
-    traits::for_each_keyframe(*maps[m], [&](const keyframe_ptr& k) { keyframes[m].push_back(k->id); });
-    traits::for_each_point(*maps[m], [&](const point_ptr& p) { points[m][p->id] = p; });
-  }
-  d.keyframes = keyframes[0] == keyframes[1] ? 0 : 1;
-  const auto views = [](const map_type& map, const point_ptr& p) {
-    std::vector<std::pair<std::uint64_t, std::size_t>> list;
-    for (const auto& v : map.observations(p)) list.push_back({v.keyframe->id, v.keypoint});
-    std::sort(list.begin(), list.end());
-    return list;
-  };
-  for (const auto& [id, p] : points[0]) {
-    const auto other = points[1].find(id);
-    if (other == points[1].end()) {
-      ++d.points;
-      continue;
-    }
-    const point_ptr& q = other->second;
-    d.observations += views(a, p) == views(b, q) ? 0 : 1;
-    d.descriptors += std::equal(p->descriptor(), p->descriptor() + 32, q->descriptor()) ? 0 : 1;
-    d.position_m = std::max(d.position_m, turbomap::norm(p->position() - q->position()));
-    const auto x = p->appearance(), y = q->appearance();
-    const auto off = [&](float u, float v, float size) {
-      d.appearance = std::max(d.appearance, static_cast<double>(std::abs(u - v) / size));
-    };
-    off(x.normal.x, y.normal.x, 1), off(x.normal.y, y.normal.y, 1), off(x.normal.z, y.normal.z, 1);
-    off(x.max_distance, y.max_distance, x.max_distance), off(x.min_distance, y.min_distance, x.min_distance);
-  }
-  for (const auto& [id, p] : points[1]) d.points += points[0].count(id) == 0 ? 1 : 0;
-  return d;
-}
-
 turbomap::local_mapper_options defaults(const turbomap::recording_meta& meta) {
   auto o = turbomap::local_mapper_options::stereo(meta.baseline, meta.close_depth, meta.pyramid());
   o.enabled[mapping_stage::adjustment] = false;
@@ -182,13 +135,14 @@ int main(int argc, char** argv) try {
   bool each = false;
   CLI::App app(
       "A system with objects behind shared_ptr maps a recording three times: by local mapping written by hand, by the "
-      "library "
-      "with the same rules, and by the library as it is. Prints the times of every stage, and whether the first two "
-      "maps are "
-      "the same.",
+      "library with the same rules, and by the library as it is. Prints the times of every stage, and whether the "
+      "first two maps are the same.",
       "turbomap-before-after");
   app.footer("Example:\n  turbomap-before-after recordings/euroc_v102_stereo");
-  app.add_option("RECORDING", path, "folder of a recording with one rectified stereo camera")->required();
+  app.add_option(
+         "RECORDING", path,
+         "folder of a recording with one rectified stereo camera and visual words (not one of turbomap-extract)")
+      ->required();
   app.add_flag("--each", each, "compare after each keyframe, and stop at the first that differs");
   try {
     app.parse(argc, argv);
@@ -200,6 +154,9 @@ int main(int argc, char** argv) try {
   const auto& meta = recording.meta;
   if (meta.is_fisheye() || !(meta.bf > 0))
     throw std::invalid_argument(path + ": is not of one rectified stereo camera");
+  if (std::all_of(recording.kp_node.begin(), recording.kp_node.end(),
+                  [](auto word) { return word == turbomap::keypoint::no_group; }))
+    throw std::invalid_argument(path + ": has no visual words: by hand only keypoints of one word are compared");
   before hand(recording, parity(meta));
   after same(recording, parity(meta)), own(recording, defaults(meta));
   per_stage<turbomap::duration_statistics> times[3];
@@ -229,17 +186,18 @@ int main(int argc, char** argv) try {
   std::printf("%-18s %12.3f   in the stages of the library, and kept in a graph by most systems\n", "shared points",
               counting.mean());
   line("total without it", totals[0].mean(), totals[1].mean(), totals[2].mean());
-  const difference d = compare(hand.world.map(), same.world.map());
+  const auto d = compare(hand.world.map(), same.world.map());
   std::printf(
       "keyframes %zu and %zu, points %zu and %zu\n"
       "by hand and with the same rules: %s (keyframes %s; %zu points differ in existence, %zu in their observations, "
-      "%zu in their "
-      "descriptors; positions by %.1e m at most, normals and ranges by %.1e)\n",
+      "%zu in their descriptors; positions by %.1e m at most, normals and ranges by %.1e)\n",
       hand.world.map().keyframe_count(), same.world.map().keyframe_count(), hand.world.map().point_count(),
       same.world.map().point_count(), d.equal() ? "the same map" : "NOT the same map",
       d.keyframes == 0 ? "equal" : "differ", d.points, d.observations, d.descriptors, d.position_m, d.appearance);
-  const auto faults = turbomap::validate(hand.world.map()).size() + turbomap::validate(same.world.map()).size();
-  std::printf("faults in both maps: %zu\n", faults);
+  std::size_t faults = 0;
+  for (const map_type* map : {&hand.world.map(), &same.world.map(), &own.world.map()})
+    faults += turbomap::validate(*map).size();
+  std::printf("faults in the three maps: %zu\n", faults);
   return d.equal() && faults == 0 ? 0 : 1;
 } catch (const std::exception& e) {
   std::fprintf(stderr, "turbomap-before-after: %s\n", e.what());
