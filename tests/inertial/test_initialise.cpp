@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <stdexcept>
 
@@ -278,6 +279,16 @@ TEST_CASE("refinements after 5 s and 15 s, the scale of one camera every 10 s un
     CHECK(schedule.due(0) == initialisation_step::initialise);
   }
   CHECK_THROWS_AS(turbomap::initialisation_schedule(false, {5, 4, 10, 100}), std::invalid_argument);
+}
+
+TEST_CASE("a schedule takes times whose difference 64 bits do not hold") {
+  using turbomap::initialisation_step;
+  constexpr auto first = std::numeric_limits<std::int64_t>::min(), last = std::numeric_limits<std::int64_t>::max();
+  turbomap::initialisation_schedule schedule(true);
+  schedule.done(initialisation_step::initialise, first);
+  CHECK(schedule.due(last) == initialisation_step::refine);
+  schedule.done(initialisation_step::initialise, last);
+  CHECK(schedule.due(first) == initialisation_step::none);
 }
 
 }  // namespace

@@ -22,12 +22,6 @@ TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
-inline double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
-  const bool later = to_ns >= from_ns;  // 64 bits with a sign do not hold the difference of all times
-  const std::uint64_t from = static_cast<std::uint64_t>(from_ns), to = static_cast<std::uint64_t>(to_ns);
-  const double apart = static_cast<double>(later ? to - from : from - to) * 1e-9;
-  return later ? apart : -apart;
-}
 /// s: so far apart samples may be that differences of times fit into 64 bits, in ns.
 inline constexpr double longest_gap = 1e9;
 
@@ -96,15 +90,15 @@ inline void check_interval(const std::string& name, const imu_samples& samples, 
     if (i == first) continue;
     const std::int64_t before = samples.t_ns[i - 1], t = samples.t_ns[i];
     if (!(t > before)) reject(element_name("samples.t_ns", i), t, "must be after the sample before");
-    if (!(seconds_between(before, t) <= o.max_gap))
+    if (!(plain_detail::seconds_between(before, t) <= o.max_gap))
       reject(element_name("samples.t_ns", i), t, "comes more than options.max_gap after the sample before");
   }
   if (!(samples.t_ns[first + 1] > in.begin_ns))
     reject(name + ".first", in.first, "is not the last sample before begin_ns");
   if (!(samples.t_ns[last - 1] < in.end_ns)) reject(name + ".last", in.last, "is not the first sample after end_ns");
-  if (!(seconds_between(in.begin_ns, samples.t_ns[first]) <= o.max_extrapolation))
+  if (!(plain_detail::seconds_between(in.begin_ns, samples.t_ns[first]) <= o.max_extrapolation))
     reject(name + ".begin_ns", in.begin_ns, "is more than options.max_extrapolation before the first sample");
-  if (!(seconds_between(samples.t_ns[last], in.end_ns) <= o.max_extrapolation))
+  if (!(plain_detail::seconds_between(samples.t_ns[last], in.end_ns) <= o.max_extrapolation))
     reject(name + ".end_ns", in.end_ns, "is more than options.max_extrapolation after the last sample");
 }
 

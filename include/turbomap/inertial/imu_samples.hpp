@@ -40,6 +40,18 @@ struct imu_interval {
   std::int32_t first = 0, last = 0;
 };
 
+namespace plain_detail {
+
+/// s; any two times.
+inline double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
+  const bool later = to_ns >= from_ns;  // 64 bits with a sign do not hold the difference of all times
+  const std::uint64_t from = static_cast<std::uint64_t>(from_ns), to = static_cast<std::uint64_t>(to_ns);
+  const double apart = static_cast<double>(later ? to - from : from - to) * 1e-9;
+  return later ? apart : -apart;
+}
+
+}  // namespace plain_detail
+
 static_assert(std::is_trivially_copyable_v<imu_sample> && sizeof(imu_sample) == 48);
 static_assert(std::is_trivially_copyable_v<imu_interval> && sizeof(imu_interval) == 24);
 

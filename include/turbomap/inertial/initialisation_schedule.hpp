@@ -8,6 +8,7 @@
 #include <cstdint>
 
 #include "../error.hpp"
+#include "imu_samples.hpp"
 
 namespace turbomap {
 
@@ -31,7 +32,7 @@ struct initialisation_times {
 class initialisation_schedule {
  public:
   /// \param monocular  one camera: the scale is estimated again later
-  /// Throws std::invalid_argument for times that do not rise.
+  /// \throws std::invalid_argument  times that do not rise
   explicit initialisation_schedule(bool monocular = false, const initialisation_times& times = {})
       : monocular_(monocular), times_(times) {
     require(times.first_refinement > 0, "times.first_refinement", times.first_refinement, "must be positive");
@@ -45,10 +46,10 @@ class initialisation_schedule {
   /// \param t_ns  time of the keyframe
   initialisation_step due(std::int64_t t_ns) const {
     if (!initialised_) return initialisation_step::initialise;
-    const double since = static_cast<double>(t_ns - first_ns_) * 1e-9;
+    const double since = plain_detail::seconds_between(first_ns_, t_ns);
     if (since >= next(refinements_) && refinements_ < 2) return initialisation_step::refine;
     const bool scale = monocular_ && refinements_ == 2 && since <= times_.scale_until;
-    return scale && static_cast<double>(t_ns - last_ns_) * 1e-9 >= times_.scale_every
+    return scale && plain_detail::seconds_between(last_ns_, t_ns) >= times_.scale_every
                ? initialisation_step::refine_scale
                : initialisation_step::none;
   }
