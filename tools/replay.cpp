@@ -134,7 +134,7 @@ int main(int argc, char** argv) try {
       ->check(CLI::Range(1e-3, 1e3));
   app.add_flag("--pixel-centres", a.pixel_centres,
                "move recorded keypoints of coarser levels to where they are in the full image (recordings that are not "
-               "simulated, replay mode)");
+               "neither simulated nor of turbomap-extract, replay mode)");
   app.add_flag("--check", a.check, "compare every stage with the recorded snapshots; exit status 1 when one differs");
   app.add_option("--stages", stages,
                  "stages to run, separated by commas: "
@@ -167,7 +167,8 @@ int main(int argc, char** argv) try {
                  "search and fuse with so many keyframes at least: predecessors in time where fewer share points")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--culling-observers", a.culling_observers,
-                 "a point is redundant in a keyframe when more than so many others see it")
+                 "a point is redundant in a keyframe when more than so many others see it; with --preset accurate only "
+                 "beside --culling-share")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--culling-share", a.culling_share, "a keyframe is, when more than this share of its points is")
       ->check(CLI::Range(0.0, 1.0));
@@ -231,6 +232,8 @@ int main(int argc, char** argv) try {
   if (!global.empty() && !a.global_end) a.global_every = std::stoi(global);
   if (a.objects && (a.check || a.policy == "cuda" || std::count(a.beside.begin(), a.beside.end(), "cuda") != 0))
     throw std::invalid_argument("--map objects: not together with --check or the policy cuda");
+  if (a.accurate && a.culling_observers >= 0 && a.culling_share < 0)
+    throw std::invalid_argument("--culling-observers: with --preset accurate not without --culling-share");
   if (a.pixel_centres && a.check) throw std::invalid_argument("--pixel-centres: not together with --check");
   if (a.error_parts && a.check) throw std::invalid_argument("--error-parts: not together with --check");
   if (a.imu &&
