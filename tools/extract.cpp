@@ -66,8 +66,9 @@ int main(int argc, char** argv) {
   app.add_option(
       "--trajectory", args.data.trajectory,
       "TUM file (t x y z qx qy qz qw, body in world) with the poses, instead of the data set's ground truth");
-  app.add_option("--calibration", args.data.calibration,
-                 "Kalibr FILE.yaml, instead of each sensor.yaml or TUM-VI's dso/camchain.yaml");
+  app.add_option(
+      "--calibration", args.data.calibration,
+      "Kalibr FILE.yaml, instead of each sensor.yaml or TUM-VI's dso/camchain.yaml; its imu0 too, where it has one");
   app.add_flag("--mono", args.data.mono, "Only the left camera, no stereo");
   app.add_flag("--imu", args.data.imu, "Inertial data too (imu0)");
   app.add_option("--drift", o.motion.drift_metres_per_metre, "Drift of the recorded poses, m per m")

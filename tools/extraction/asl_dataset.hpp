@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -46,10 +47,11 @@ struct asl_dataset {
 };
 
 struct dataset_options {
-  bool mono = false;                  ///< cam0 only
-  bool imu = false;                   ///< imu0 too
-  std::filesystem::path trajectory;   ///< TUM file with the poses; empty: the data set's ground truth
-  std::filesystem::path calibration;  ///< Kalibr file; empty: each sensor.yaml, or else TUM-VI's dso/camchain.yaml
+  bool mono = false;                 ///< cam0 only
+  bool imu = false;                  ///< imu0 too
+  std::filesystem::path trajectory;  ///< TUM file with the poses; empty: the data set's ground truth
+  /// Kalibr file, of which imu0 is taken too where it has one. Empty: each sensor.yaml, or else TUM-VI's dso/camchain.yaml
+  std::filesystem::path calibration;
 };
 
 /// A line of a data.csv: nanoseconds, then fields.
@@ -132,27 +134,53 @@ inline calibrated_camera calibrated(const std::filesystem::path& file, const std
   return c;
 }
 
-inline std::vector<calibrated_camera> read_cameras(const std::filesystem::path& mav, const dataset_options& options) {
+/// A Kalibr file and its blocks.
+struct kalibr_file {
+  std::filesystem::path path;  ///< empty: none is used
+  std::map<std::string, simulation::calibration_block> blocks;
+};
+
+inline kalibr_file read_kalibr_file(const std::filesystem::path& mav, const dataset_options& options) {
+  kalibr_file kalibr{options.calibration, {}};
+  if (kalibr.path.empty() && !std::filesystem::exists(mav / "cam0" / "sensor.yaml"))
+    kalibr.path = mav.parent_path() / "dso" / "camchain.yaml";
+  if (!kalibr.path.empty()) kalibr.blocks = simulation::read_calibration_blocks(kalibr.path);
+  return kalibr;
+}
+
+inline std::vector<calibrated_camera> read_cameras(const std::filesystem::path& mav, const kalibr_file& kalibr,
+                                                   bool mono) {
   std::vector<std::string> names{"cam0"};
-  if (!options.mono) names.emplace_back("cam1");
-  std::filesystem::path kalibr = options.calibration;
-  if (kalibr.empty() && !std::filesystem::exists(mav / "cam0" / "sensor.yaml"))
-    kalibr = mav.parent_path() / "dso" / "camchain.yaml";
+  if (!mono) names.emplace_back("cam1");
   std::vector<calibrated_camera> cameras;
   for (const std::string& name : names) {
-    if (kalibr.empty()) {
+    if (kalibr.path.empty()) {
       cameras.push_back(calibrated(mav / name / "sensor.yaml", name, read_sensor(mav / name / "sensor.yaml")));
       continue;
     }
-    const auto blocks = simulation::read_calibration_blocks(kalibr);
-    if (blocks.count(name) == 0) throw bad_file("turbomap: " + kalibr.string() + ": there is no " + name + " in it");
-    cameras.push_back(calibrated(kalibr, name, blocks.at(name)));
+    if (kalibr.blocks.count(name) == 0)
+      throw bad_file("turbomap: " + kalibr.path.string() + ": there is no " + name + " in it");
+    cameras.push_back(calibrated(kalibr.path, name, kalibr.blocks.at(name)));
   }
   const auto& left = cameras.front().camera;
   const auto& right = cameras.back().camera;
   if (left.is_fisheye() != right.is_fisheye() || left.width != right.width || left.height != right.height)
     throw bad_file("turbomap: " + mav.string() + ": cam1: is not of the model and size of cam0");
   return cameras;
+}
+
+/// The noise of the IMU: of the Kalibr file's imu0, else of its sensor.yaml, else TUM-VI's or EuRoC's, as the cameras are.
+inline simulation::imu_noise read_imu_noise(const std::filesystem::path& mav, const kalibr_file& kalibr, bool fisheye) {
+  if (const auto imu = kalibr.blocks.find("imu0"); imu != kalibr.blocks.end()) {
+    auto block = imu->second;
+    return simulation::noise_of(kalibr.path, block);
+  }
+  const auto sensor = mav / "imu0" / "sensor.yaml";
+  if (std::filesystem::exists(sensor)) {
+    auto block = read_sensor(sensor);
+    return simulation::noise_of(sensor, block);
+  }
+  return fisheye ? simulation::tum_vi_rig().imu : simulation::imu_noise();
 }
 
 /// Images of cam0, with those of cam1 of the same time; others are left out.
@@ -200,7 +228,8 @@ inline asl_dataset read_asl_dataset(const std::filesystem::path& folder, const d
   if (!options.mono && !std::filesystem::exists(mav / "cam1" / "data.csv"))
     throw bad_file("turbomap: " + folder.string() + ": there is no cam1: take the left camera alone");
   asl_dataset d;
-  d.cameras = read_cameras(mav, options);
+  const kalibr_file kalibr = read_kalibr_file(mav, options);
+  d.cameras = read_cameras(mav, kalibr, options.mono);
   d.images = read_image_list(mav, options.mono);
   d.T_wb = options.trajectory.empty() ? read_ground_truth(mav) : read_trajectory(options.trajectory);
   if (!options.imu) return d;
@@ -210,13 +239,7 @@ inline asl_dataset read_asl_dataset(const std::filesystem::path& folder, const d
     d.imu_t_ns.push_back(row.t_ns);
     d.imu.push_back({{v[0], v[1], v[2]}, {v[3], v[4], v[5]}});
   }
-  const auto sensor = mav / "imu0" / "sensor.yaml";
-  if (std::filesystem::exists(sensor)) {
-    auto block = read_sensor(sensor);
-    d.noise = simulation::noise_of(sensor, block);
-  } else if (d.cameras[0].camera.is_fisheye()) {
-    d.noise = simulation::tum_vi_rig().imu;
-  }
+  d.noise = read_imu_noise(mav, kalibr, d.cameras[0].camera.is_fisheye());
   return d;
 }
 

@@ -277,6 +277,33 @@ TEST_CASE("bad data sets are refused by name") {
   CHECK(has(message(), "is not an image that can be read"));
 }
 
+TEST_CASE("the noise of the IMU: of the Kalibr file, of sensor.yaml, or of a data set of its kind") {
+  const turbomap_test::temporary_directory folder;
+  turbomap_test::write_dataset(folder.path(), false, 1);
+  ext::dataset_options options;
+  options.imu = true, options.mono = true;
+  const auto noise = [&] { return ext::read_asl_dataset(folder.path(), options).noise; };
+  CHECK(noise().gyro == 0.001);
+  options.calibration = folder / "kalibr.yaml";
+  const std::string camera =
+      "cam0:\n  intrinsics: [458, 457, 367, 248]\n  resolution: [752, 480]\n  distortion_model: radtan\n"
+      "  distortion_coeffs: [0, 0, 0, 0]\n  T_imu_cam: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n";
+  turbomap_test::write_bytes(options.calibration, camera);
+  CHECK(noise().gyro == 0.001);
+  turbomap_test::write_bytes(options.calibration,
+                             camera + "imu0:\n  gyroscope_noise_density: 0.002\n  update_rate: 400\n");
+  CHECK(noise().gyro == 0.002);
+  CHECK(noise().rate_hz == 400);
+  turbomap_test::write_bytes(options.calibration, camera + "imu0:\n  gyroscope_noise_density: -1\n");
+  CHECK_THROWS_WITH(noise(), doctest::Contains("kalibr.yaml: imu0: gyroscope_noise_density"));
+  fs::remove(folder / "mav0/imu0/sensor.yaml");
+  options.calibration.clear();
+  CHECK(noise().gyro == turbomap::simulation::euroc_rig().imu.gyro);
+  turbomap_test::write_dataset(folder.path(), true, 1);
+  fs::remove(folder / "mav0/imu0/sensor.yaml");
+  CHECK(noise().gyro == turbomap::simulation::tum_vi_rig().imu.gyro);
+}
+
 TEST_CASE("photographs: pairs of two views lie at the depth of their COLMAP model") {
   const auto data = turbomap_test::data("lund-door");
   if (!data) return;
