@@ -31,11 +31,13 @@ class world {
   void live(choices& c) {
     for (int n = 0; n < 7; ++n) {
       for (unsigned edits = c.byte() % 4; edits > 0 && n > 1; --edits) edit(c);
+      for (const auto& v : turbomap::validate(run_.map)) spoilt_ = spoilt_ || is_number(v.fault);
       const bool done = allowed([&] { run_.mapper.process(run_.track()); });
       expect(done, "a good keyframe is mapped");
-      for (const auto& v : turbomap::validate(run_.map)) expect(is_number(v.fault), "the map is sound but for numbers");
-      expect(run_.store.statistics().pinned_sets == 0, "nothing stays pinned");
       if (n == 6 && c.flag()) allowed([&] { run_.mapper.adjust_globally(run_.keyframes().back(), {}); });
+      for (const auto& v : turbomap::validate(run_.map))
+        expect(spoilt_ && is_number(v.fault), "the map is sound but for numbers that an edit wrote");
+      expect(run_.store.statistics().pinned_sets == 0, "nothing stays pinned");
     }
   }
 
@@ -105,6 +107,7 @@ class world {
   turbomap_test::mapping_scene<Camera> scene_;
   run_type run_;
   std::vector<std::pair<turbomap::map_keyframe_id, std::size_t>> scratch_;
+  bool spoilt_ = false;  ///< edits have written poses or positions that cannot be
 };
 
 }  // namespace

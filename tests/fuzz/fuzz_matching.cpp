@@ -106,7 +106,11 @@ class problem {
       return false;
     matches_.plan(ctx_, plan);
     for (const auto& m : plan) {
-      expect(static_cast<std::size_t>(m.neighbour) < all_.size(), "neighbours are there");
+      // The query itself, across the rig, has the number after those of the neighbours.
+      const auto n = static_cast<std::size_t>(m.neighbour);
+      expect(n < neighbours.size() + (options_.across_rig ? 1 : 0), "neighbours are there");
+      const auto& neighbour = (n == neighbours.size() ? all_[0] : neighbours[n]).view;
+      expect(m.candidate >= 0 && m.candidate < neighbour.keypoint_count, "candidates are there");
       expect(m.query >= 0 && m.query < all_[0].view.keypoint_count, "query keypoints are there");
       expect(m.distance >= 0 && m.distance <= options_.max_distance, "distances are within the limit");
     }

@@ -93,6 +93,7 @@ class problem {
       expect(m.keypoint >= 0 && m.keypoint < target.view.keypoint_count, "keypoints are there");
       expect(target.view.camera_of(m.keypoint) == m.camera, "keypoints are of the camera");
       expect(m.distance <= limit, "distances are within the limit");
+      expect(static_cast<std::size_t>(m.point) < scene_.position.size(), "points are there");
       const auto& x = scene_.position[static_cast<std::size_t>(m.point)];
       expect(finite({x.x, x.y, x.z}), "points that are not finite match nothing");
       if (once) expect(seen.emplace(m.target, m.keypoint).second, "a keypoint goes to one point");
