@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -149,8 +150,9 @@ inline recording_meta make_meta(const simulation::simulated_rig& rig, const asl_
   return meta;
 }
 
-/// Makes the recording. Its world is the first keyframe's camera frame; ground truth is the poses at the images' times.
-/// Throws bad_file for an image that cannot be read, std::runtime_error when no image has a pose.
+/// Makes the recording; write_recording() validates it. Its world is the first keyframe's camera frame; ground truth is the poses
+/// at the images' times. Throws bad_file for an image that cannot be read, std::runtime_error when no image has a
+/// pose.
 /// \param advance  called after each keyframe
 template <class Advance>
 recording extract(const asl_dataset& data, const picked_keyframes& picked, const extract_options& options,
@@ -168,16 +170,18 @@ recording extract(const asl_dataset& data, const picked_keyframes& picked, const
   point_tracker tracker(rig, options.features.scale_factor, options.tracking);
   const auto files_of = [&](std::size_t i) -> const image_files& { return data.images[picked.keyframes[i].image]; };
   keyframe_features before;
+  std::optional<keyframe_features> second;  // found early
   std::vector<std::int32_t> held_before;
   for (std::size_t i = 0; i < picked.keyframes.size(); ++i, advance()) {
     const image_files& files = files_of(i);
-    keyframe_features seen = find(files);
+    keyframe_features seen = i == 1 && second ? std::move(*second) : find(files);
     const Eigen::Isometry3d T_rc = T_rw * T_wb[i] * T_bc;
     if (rig.baseline == 0 && i == 0 && picked.keyframes.size() > 1) {
       // The first map of one camera is made from two views.
       const auto any = [](std::size_t) { return true; };
+      second = find(files_of(1));
       for (const view_pair& p :
-           view_pairs(seen.features, rig.cameras[0], find(files_of(1)).features, rig.cameras[0],
+           view_pairs(seen.features, rig.cameras[0], second->features, rig.cameras[0],
                       T_rc.inverse() * T_rw * T_wb[1] * T_bc, options.features.scale_factor, options.pairs, any, any))
         seen.point[static_cast<std::size_t>(p.a)] = p.point;
     }
@@ -204,7 +208,6 @@ recording extract(const asl_dataset& data, const picked_keyframes& picked, const
   for (std::size_t s = 0; s < data.imu.size(); ++s) record.add_imu(data.imu_t_ns[s], data.imu[s]);
   record.data().meta.frames = static_cast<int>(picked.posed.size());
   record.data().meta.keyframes_inserted = static_cast<int>(picked.keyframes.size());
-  validate(record.data());
   return std::move(record.data());
 }
 

@@ -47,6 +47,9 @@ class point_tracker {
   /// The associations of keyframe i, in the order of its keypoints. T_wc: of the left camera, as it is recorded.
   std::vector<point_association> track(std::int32_t i, const keyframe_features& seen, const Eigen::Isometry3d& T_wc) {
     held_.assign(seen.features.keypoints.size(), -1);
+    for (const keypoint& z : seen.features.keypoints)
+      while (reach_.size() <= z.octave)
+        reach_.push_back(options_.window * std::pow(static_cast<double>(factor_), static_cast<double>(reach_.size())));
     find_again(i, seen, T_wc);
     const std::vector<std::int32_t> found = held_;
     create(i, seen, T_wc);
@@ -140,7 +143,7 @@ class point_tracker {
     for (std::size_t k = 0; k < held_.size(); ++k) {
       const keypoint& z = seen.features.keypoints[k];
       if (z.camera != camera || std::abs(z.octave - point.octave) > options_.octaves) continue;
-      const double reach = options_.window * std::pow(static_cast<double>(factor_), z.octave);
+      const double reach = reach_[z.octave];
       if (std::abs(z.x - pixel.x()) > reach || std::abs(z.y - pixel.y()) > reach) continue;
       const std::uint32_t d = simulation::hamming(point.descriptor, seen.features.descriptors[k]);
       if (d <= options_.most_different) candidates.push_back({d, p, k});
@@ -169,6 +172,7 @@ class point_tracker {
   const simulation::simulated_rig& rig_;
   float factor_;
   point_tracker_options options_;
+  std::vector<double> reach_;  ///< px, by octave: how far from its projection a point is looked for
   std::vector<tracked_point> points_;
   std::vector<std::int32_t> held_;
 };

@@ -6,6 +6,7 @@
 /// Keypoints of two views, whose poses are known, that show the same point: nearest descriptors whose rays meet. For the two
 /// cameras of a fisheye rig, and for two keyframes of one camera.
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -32,8 +33,8 @@ struct view_pair {
   Eigen::Vector3d point;
 };
 
-/// Half of the shortest line between two rays: the point in the frame of a. False when they are parallel, or meet behind one
-/// of the views.
+/// The middle of the shortest line between two rays: the point in the frame of a. False when they are parallel, or meet behind
+/// one of the views.
 inline bool meet(const Eigen::Vector3d& ray_a, const Eigen::Vector3d& ray_b_in_a, const Eigen::Vector3d& centre_b_in_a,
                  double parallax, Eigen::Vector3d& point) {
   const Eigen::Vector3d normal = ray_a.cross(ray_b_in_a);

@@ -5,6 +5,7 @@
 /// \file
 /// A rig from a Kalibr calibration file: the few lines of it that matter here, not YAML in general.
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <filesystem>
@@ -48,11 +49,9 @@ inline std::map<std::string, calibration_block> read_calibration_blocks(const st
     const std::size_t first = line.find_first_not_of(" \t");
     if (first == std::string::npos || line[0] == '%') continue;
     const std::size_t colon = line.find(':');
-    if (first == 0 && colon != std::string::npos) {
-      block = line.substr(0, colon), key.clear();
-    }
     std::string value = line;
     if (first == 0 && colon != std::string::npos) {
+      block = line.substr(0, colon), key.clear();
       value = line.substr(colon + 1);
       blocks[block].text[key] = value.substr(std::min(value.find_first_not_of(' '), value.size()));
     } else if (line[first] != '-' && colon != std::string::npos) {
