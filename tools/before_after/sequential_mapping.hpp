@@ -56,7 +56,6 @@ class sequential_mapping {
  public:
   using camera = turbomap::pinhole<float>;
   using map_type = turbomap_program::objects_map<camera>;
-  using traits = turbomap::map_traits<map_type>;
 
   /// \param bf  of the stereo pair, px m   \param columns, rows  of the grid of keypoints
   sequential_mapping(map_type& map, const camera& c, double bf, const turbomap::image_bounds& bounds, int columns,
@@ -143,7 +142,7 @@ class sequential_mapping {
       p->erase_observation(v.keyframe, v.keypoint);
       v.keyframe->set_point(v.keypoint, nullptr);
     }
-    traits::retire(map_, p, replacement);
+    map_.retire(p, replacement);
   }
   void replace(const point_ptr& from, const point_ptr& into) {
     const auto views = map_.observations(from);
@@ -233,8 +232,7 @@ class sequential_mapping {
     for (const auto& [count, k] : ranked)
       if (static_cast<int>(best.size()) < limit &&
           (count >= options_.neighbours.neighbourhood.min_shared_points || best.empty()))
-        if (count >= options_.neighbours.neighbourhood.min_shared_points || k == ranked.front().second)
-          best.push_back(k);
+        best.push_back(k);
     covisible_ms_ += now_ms() - begin;
     return best;
   }
@@ -505,7 +503,7 @@ class sequential_mapping {
         else
           touched.insert(p);
       }
-      traits::erase_keyframe(map_, k);
+      map_.erase_keyframe(k);
       features_.erase(k->id);
       ++erased;
     }

@@ -83,6 +83,18 @@ class objects_map {
     return p;
   }
 
+  /// Of a keyframe that no point names any more.
+  void erase_keyframe(const keyframe_ptr& k) {
+    link(k->previous(), k->next());
+    k->set_bad();
+    keyframes_.remove(*k, true);
+  }
+  /// Of a point without observations. \param replacement  none, or the point that it was merged into
+  void retire(const point_ptr& p, const point_ptr& replacement) {
+    p->retire(replacement);
+    points_.remove(*p, !replacement);
+  }
+
   bool alive(const keyframe_ptr& k) const { return k && !k->bad(); }
   bool alive(const point_ptr& p) const { return p && !p->bad(); }
   std::size_t keyframe_count() const { return keyframes_.size(); }
@@ -164,11 +176,7 @@ struct turbomap::map_traits<turbomap_program::objects_map<Camera>> {
   static keyframe next(const map&, kf k) { return k->next(); }
   static bool may_erase(const map&, kf k) { return k->id != 0; }
   static bool is_origin(const map&, kf k) { return k->id == 0; }
-  static void erase_keyframe(map& m, kf k) {
-    map::link(k->previous(), k->next());
-    k->set_bad();
-    m.keyframes_.remove(*k, true);
-  }
+  static void erase_keyframe(map& m, kf k) { m.erase_keyframe(k); }
 
   static std::uint64_t id(const map&, pt p) { return p->id; }
   static bool alive(const map&, pt p) { return !p->bad(); }
@@ -195,10 +203,7 @@ struct turbomap::map_traits<turbomap_program::objects_map<Camera>> {
   static void add_observation(map&, pt p, kf k, std::size_t i) { p->add_observation(k, i); }
   static void erase_observation(map&, pt p, kf k, std::size_t i) { p->erase_observation(k, i); }
   static point add_point(map& m, const turbomap::vec3<double>& x, kf reference) { return m.add_point(x, reference); }
-  static void retire(map& m, pt p, pt replacement) {
-    p->retire(replacement);
-    m.points_.remove(*p, !replacement);
-  }
+  static void retire(map& m, pt p, pt replacement) { m.retire(p, replacement); }
   template <class F>
   static void for_each_keyframe(const map& m, F f) {
     m.keyframes_.for_each(f);
