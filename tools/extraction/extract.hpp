@@ -151,8 +151,7 @@ inline recording_meta make_meta(const simulation::simulated_rig& rig, const asl_
 }
 
 /// Makes the recording; write_recording() validates it. Its world is the first keyframe's camera frame; ground truth is the poses
-/// at the images' times. Throws bad_file for an image that cannot be read, std::runtime_error when no image has a
-/// pose.
+/// at the images' times. Throws bad_file for an image that cannot be read.
 /// \param advance  called after each keyframe
 template <class Advance>
 recording extract(const asl_dataset& data, const picked_keyframes& picked, const extract_options& options,
