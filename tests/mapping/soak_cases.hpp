@@ -4,17 +4,19 @@
 
 /// \file
 /// A long run: a camera goes to and fro in a corridor for as long as you say, loops are closed now and then, the oldest keyframes
-/// leave the map, and the store has a byte budget. Time and memory per keyframe stay; the map agrees with a recount; handles of
-/// keyframes that have left are refused, and the others name the keyframe that they were given for.
-/// TURBOMAP_TEST_KEYFRAMES in the environment: how many keyframes (300); TURBOMAP_TEST_CSV: a file for figures.
+/// leave the map, and the store has a byte budget. The map does not grow and agrees with a recount; handles of keyframes that
+/// have left are refused, and the others name the keyframe that they were given for. Runs of 3000 keyframes and more also check
+/// that memory and time per keyframe stay: before some 900 keyframes lists and pools still grow to what they need.
+/// TURBOMAP_TEST_KEYFRAMES in the environment: how many keyframes (300, and no fewer); TURBOMAP_TEST_CSV: a file for figures.
 
 #include <algorithm>
 #include <chrono>
+#include <cstddef>
+#include <cstdint>
 #include <cstdlib>
 #include <cstring>
 #include <deque>
 #include <fstream>
-#include <iterator>
 #include <map>
 #include <random>
 #include <vector>
@@ -208,8 +210,8 @@ inline double median(std::vector<double> values) {
 
 inline void check_long_run() {
   using namespace soak;
-  const auto keyframes = static_cast<int>(environment("TURBOMAP_TEST_KEYFRAMES", 300));
-  const int every = keyframes >= 10000 ? 1000 : 100;
+  const auto keyframes = static_cast<int>(std::max(300L, environment("TURBOMAP_TEST_KEYFRAMES", 300)));
+  const int every = std::min(1000, keyframes / 10);
   const auto c = soak_case();
   system running(c);
   std::vector<row> rows;
@@ -231,11 +233,12 @@ inline void check_long_run() {
   CHECK(running.dead_handles() > 0);
   CHECK(running.keyframes() <= remembered);
   CHECK(running.statistics().page_ins > 0);
-  if (rows.size() < 10) return;
-  // From the fifth part of the run on, when the map is as large as it gets.
+  // After a fifth of the run the map is about as large as it gets.
   const row &early = rows[rows.size() / 5], &last = rows.back();
-  CHECK(last.resident < early.resident + 16);
   CHECK(last.points < 2 * early.points);
+  if (keyframes < 3000) return;
+  CHECK(last.resident < 1.1 * early.resident + 1);  // MB; measured: 0.2 more after 60,000 keyframes
+  CHECK(last.ms < 3 * early.ms);                    // others may use the machine
 }
 
 }  // namespace turbomap_test
