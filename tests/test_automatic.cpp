@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 // SPDX-License-Identifier: Apache-2.0
 
-// The choice between host and device per call, with a clock that the test moves; and the file of crossovers.
+// The choice between host and device per call, with a clock that the test moves.
 
 #include <turbomap/automatic.hpp>
 
@@ -9,13 +9,10 @@
 #include <limits>
 #include <memory>
 #include <stdexcept>
-#include <string>
 #include <type_traits>
-#include <vector>
 
 #include <doctest/doctest.h>
 
-#include "support/files.hpp"
 #include "support/policies.hpp"
 
 namespace {
@@ -191,39 +188,6 @@ TEST_CASE("work may return nothing or what only moves") {
   both.run(work_kind::search, 1, [&calls](auto&) { ++calls; });
   CHECK(calls == 1);
   CHECK(*both.run(work_kind::search, 1, [](auto&) { return std::make_unique<int>(7); }) == 7);
-}
-
-TEST_CASE("the file of crossovers") {
-  const turbomap_test::temporary_directory folder;
-  const std::string file = (folder.path() / "crossover.txt").string();
-  crossover c;
-  c.least[0] = 0, c.least[1] = 4096.5;
-  turbomap::write_crossover(file, c);
-  const crossover read = turbomap::read_crossover(file);
-  for (std::size_t k = 0; k < turbomap::work_kinds; ++k) CHECK(read.least[k] == c.least[k]);
-
-  {
-    const turbomap_test::comma_locale commas;
-    CHECK(turbomap::read_crossover(file).least[1] == 4096.5);
-    turbomap::write_crossover(file, c);
-  }
-  CHECK(turbomap::read_crossover(file).least[1] == 4096.5);
-  c.least[0] = 0x1.fffffffffffffp1023, c.least[1] = 0x1p-1074, c.least[2] = 1 / 3.0;
-  turbomap::write_crossover(file, c);
-  for (std::size_t k = 0; k < turbomap::work_kinds; ++k) CHECK(turbomap::read_crossover(file).least[k] == c.least[k]);
-
-  CHECK_THROWS_AS(turbomap::read_crossover(file + ".not_there"), turbomap::bad_file);
-  CHECK_THROWS_AS(turbomap::write_crossover((folder.path() / "no" / "folder").string(), c), std::runtime_error);
-  const std::string title = "turbomap crossover 1\n", rest = "adjustment 2\nmotion_only 3\n";
-  for (const std::string& text :
-       {std::string(), title, "turbomap crossover 2\nsearch 1\n" + rest, title + "search -1\n" + rest,
-        title + "search nan\n" + rest, title + "search\n" + rest, title + "search 1 1\n" + rest,
-        title + "search 1,5\n" + rest, title + rest, title + "search 1\n" + rest + "more 1\n",
-        std::string(1000, 'x')}) {
-    CAPTURE(text);
-    turbomap_test::write_bytes(file, text);
-    CHECK_THROWS_AS(turbomap::read_crossover(file), turbomap::bad_file);
-  }
 }
 
 }  // namespace

@@ -39,7 +39,7 @@ class automatic {
   void pin(work_side side) { pinned_ = side, choice_ = choice::pinned; }
   /// From now on by what calls take, as at first.
   void measure() { choice_ = choice::measured; }
-  /// What was measured so far, for write_crossover().
+  /// What was measured so far, e.g. for write_crossover() (io/crossover_file.hpp).
   crossover measured() const { return times_.result(); }
 
   /// Where the next call of this kind and amount will run.

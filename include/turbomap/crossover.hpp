@@ -3,22 +3,14 @@
 #pragma once
 
 /// \file
-/// How large a piece of work must be to be faster on a device than on the host, as data that can be measured, kept in a file and
-/// given. A device needs 0.03 ms (search) to 0.5 ms (adjustment) for a call, however small; below the crossover the host is done
+/// How large a piece of work must be to be faster on a device than on the host, as data that can be measured, kept in a file
+/// (io/crossover_file.hpp) and given. A device needs 0.03 ms (search) to 0.5 ms (adjustment) for a call, however small; below the crossover the host is done
 /// before.
 
-#include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstring>
 #include <limits>
-#include <stdexcept>
-#include <string>
-#include <system_error>
-
-#include "error.hpp"
 
 namespace turbomap {
 
@@ -44,53 +36,6 @@ struct crossover {
     return amount >= least[static_cast<std::size_t>(kind)] ? work_side::device : work_side::host;
   }
 };
-
-namespace plain_detail {
-
-inline constexpr const char* work_names[work_kinds] = {"search", "adjustment", "motion_only"};
-inline constexpr const char* crossover_title = "turbomap crossover 1";
-
-/// "name number" and the end of the line or file. Whatever the locale.
-inline bool parse_crossover_line(const char* line, const char* name, double& least) {
-  const std::size_t length = std::strlen(name);
-  if (std::strncmp(line, name, length) != 0 || line[length] != ' ') return false;
-  const char* const number = line + length + 1;
-  const char* const end = number + std::strcspn(number, "\n");
-  const auto [rest, error] = std::from_chars(number, end, least);
-  return error == std::errc() && rest == end && least >= 0;
-}
-
-}  // namespace plain_detail
-
-/// Writes a text file of four lines, whatever the locale. Throws std::runtime_error where it cannot.
-inline void write_crossover(const std::string& file, const crossover& c) {
-  std::FILE* const out = std::fopen(file.c_str(), "w");
-  bool good = out != nullptr && std::fprintf(out, "%s\n", plain_detail::crossover_title) > 0;
-  for (std::size_t k = 0; good && k < work_kinds; ++k) {
-    char number[32] = {};  // the shortest form that reads back as it is: 24 characters at most
-    std::to_chars(number, number + sizeof number - 1, c.least[k]);
-    good = std::fprintf(out, "%s %s\n", plain_detail::work_names[k], number) > 0;
-  }
-  if (out != nullptr) good = std::fclose(out) == 0 && good;
-  if (!good) throw std::runtime_error("turbomap: " + file + ": cannot be written");
-}
-
-/// Reads what write_crossover() wrote. Throws bad_file where it is not there or holds anything else.
-inline crossover read_crossover(const std::string& file) {
-  std::FILE* const in = std::fopen(file.c_str(), "r");
-  if (in == nullptr) throw bad_file("turbomap: " + file + ": cannot be read");
-  char line[64];
-  crossover c;
-  bool good = std::fgets(line, sizeof line, in) != nullptr &&
-              std::string(line) == std::string(plain_detail::crossover_title) + "\n";
-  for (std::size_t k = 0; good && k < work_kinds; ++k)
-    good = std::fgets(line, sizeof line, in) != nullptr &&
-           plain_detail::parse_crossover_line(line, plain_detail::work_names[k], c.least[k]);
-  good = good && std::fgets(line, sizeof line, in) == nullptr;
-  std::fclose(in);
-  if (!good) throw bad_file("turbomap: " + file + ": is not a file of crossovers");
-  return c;
-}
 
 /// Finds crossovers from the times of calls: of each kind and size (by powers of two) a few on each side.
 class crossover_measurement {
