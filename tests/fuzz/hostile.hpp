@@ -11,8 +11,8 @@
 #include <exception>
 #include <iterator>
 #include <limits>
-#include <new>
 #include <stdexcept>
+#include <string>
 
 #include <turbomap/types.hpp>
 

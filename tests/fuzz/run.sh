@@ -21,11 +21,11 @@ for target in "${targets[@]}"; do
   mkdir -p "build/fuzz/corpus/$target"
   log=build/fuzz/$target.log
   result=ok
-  case $target in
+  options=(-max_len=4096 -dict=tests/fuzz/numbers.dict)
+  if grep -qs '#include "hostile.hpp"' "tests/fuzz/fuzz_$target.cpp"; then
     # Choices of a random problem: bytes without a grammar, and as many of them as a problem needs.
-    matching | projection | adjustment | imu | map_edits | mapper) options=(-max_len=256 -len_control=0) ;;
-    *) options=(-max_len=4096 -dict=tests/fuzz/numbers.dict) ;;
-  esac
+    options=(-max_len=256 -len_control=0)
+  fi
   "build/fuzz/fuzz/fuzz_$target" "build/fuzz/corpus/$target" "tests/fuzz/corpus/$target" -max_total_time="$seconds" \
     "${options[@]}" -timeout=20 -rss_limit_mb=4096 -artifact_prefix="build/fuzz/findings/$target-" >"$log" 2>&1 ||
     { result="FOUND SOMETHING, see $log"; status=1; }

@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// Makes the structure of a problem (structure.hpp) from indices: rows are sorted by landmark and frame, those that are equal stay
-/// in their order; then lists of what shares a frame, a landmark or a factor.
+/// Makes the structure of a problem (structure.hpp) from indices: rows are sorted by landmark and frame, those that are
+/// equal stay in their order; then lists of what shares a frame, a landmark or a factor.
 
 #include <algorithm>
 #include <cstddef>

@@ -12,7 +12,7 @@ namespace turbomap {
 /// Options of inertial_adjustment. Defaults are those of [ORB-SLAM3] unless a comment says otherwise. What they have in common
 /// with visual adjustments is in local_adjustment_options: scales, gates, correlation, precision, stop, deadline.
 struct inertial_adjustment_options {
-  inertial_window_options window;                           ///< where it is not
+  inertial_window_options window;                           ///< where tracking is not strong
   inertial_window_options large = large_inertial_window();  ///< where tracking is strong
   /// Tracking is strong where the current keyframe sees so many points. Ours. 0: always; negative: never.
   int strong_points = 100;
