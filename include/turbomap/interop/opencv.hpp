@@ -73,10 +73,11 @@ span<const typename Descriptor::element> descriptors_from_opencv(const cv::Mat& 
   static_assert(require_descriptor<Descriptor>());
   static_assert(sizeof(element) == sizeof(typename cv::DataType<element>::value_type));
   if (descriptors.empty()) return {};
-  require(descriptors.type() == cv::DataType<element>::type, "descriptors.type()", cv::typeToString(descriptors.type()),
-          "is not the element type of this descriptor");
-  require(descriptors.cols == Descriptor::elements, "descriptors.cols", descriptors.cols,
-          ("must be " + std::to_string(Descriptor::elements) + ", the elements of this descriptor").c_str());
+  if (descriptors.type() != cv::DataType<element>::type)
+    reject("descriptors.type()", cv::typeToString(descriptors.type()), "is not the element type of this descriptor");
+  if (descriptors.cols != Descriptor::elements)
+    reject("descriptors.cols", descriptors.cols,
+           ("must be " + std::to_string(Descriptor::elements) + ", the elements of this descriptor").c_str());
   require(descriptors.isContinuous(), "descriptors.isContinuous()", false, "must be; clone() the matrix");
   return {descriptors.ptr<element>(), static_cast<std::size_t>(descriptors.rows) * Descriptor::elements};
 }

@@ -42,8 +42,9 @@ struct gpu_mat_type<vec3<float>> {
 
 template <class T>
 void check_gpu_mat(const cv::cuda::GpuMat& matrix) {
-  require(matrix.type() == gpu_mat_type<T>::value, "matrix.type()", cv::typeToString(matrix.type()),
-          ("must be " + cv::typeToString(gpu_mat_type<T>::value)).c_str());
+  if (matrix.type() != gpu_mat_type<T>::value)
+    reject("matrix.type()", cv::typeToString(matrix.type()),
+           ("must be " + cv::typeToString(gpu_mat_type<T>::value)).c_str());
   // cudaMallocPitch pads the rows of a matrix that GpuMat makes itself.
   require(matrix.isContinuous(), "matrix.step", matrix.step,
           "is more than a row: make the matrix by cv::cuda::createContinuous before it is filled, or copy it into one");
@@ -72,8 +73,9 @@ span<const typename Descriptor::element> descriptors_from_gpu_mat(const cv::cuda
   using element = typename Descriptor::element;
   static_assert(require_descriptor<Descriptor>());
   if (matrix.empty()) return {};
-  require(matrix.cols == Descriptor::elements, "matrix.cols", matrix.cols,
-          ("must be " + std::to_string(Descriptor::elements) + ", the elements of this descriptor").c_str());
+  if (matrix.cols != Descriptor::elements)
+    reject("matrix.cols", matrix.cols,
+           ("must be " + std::to_string(Descriptor::elements) + ", the elements of this descriptor").c_str());
   detail::check_gpu_mat<element>(matrix);
   return {reinterpret_cast<const element*>(matrix.data), static_cast<std::size_t>(matrix.rows) * Descriptor::elements};
 }
