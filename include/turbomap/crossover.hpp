@@ -4,8 +4,8 @@
 
 /// \file
 /// How large a piece of work must be to be faster on a device than on the host, as data that can be measured, kept in a file
-/// (io/crossover_file.hpp) and given. A device needs 0.03 ms (search) to 0.5 ms (adjustment) for a call, however small; below the crossover the host is done
-/// before.
+/// (io/crossover_file.hpp) and given. A device needs 0.03 ms (search) to 0.5 ms (adjustment) for a call, however small; below
+/// the crossover the host is done before.
 
 #include <cmath>
 #include <cstddef>

@@ -115,9 +115,8 @@ class basic_bundle_problem {
             "must be 0: masks are for frames of up to 32 unknowns");
     const int frame_count = static_cast<int>(frames.states.size());
     const int landmark_count = static_cast<int>(landmarks.positions.size());
-    const auto each_finite = [](auto... x) {
-      return (detail::is_finite(x) && ...);
-    };  // a sum of finite ones may overflow
+    // Each by itself: a sum of finite numbers may overflow.
+    const auto each_finite = [](auto... x) { return (detail::is_finite(x) && ...); };
     bool finite = true;
     ((finite = resident_group<Groups, Frame, Memory>::check(groups, frame_count, landmark_count) && finite), ...);
     for (const auto& p : landmarks.positions) finite = finite && each_finite(p.x, p.y, p.z);
