@@ -46,7 +46,7 @@ class crossover_measurement {
   /// Where the next call of this size is to run: until both sides have their samples, on the one that has fewer; then on the
   /// faster one. The host where they are equal.
   work_side next(work_kind kind, double amount) const {
-    const size_class& s = of(kind, amount);
+    const size_class& s = sizes_[static_cast<std::size_t>(kind)][size_of(amount)];
     if (s.host.count < samples || s.device.count < samples)
       return s.device.count < s.host.count ? work_side::device : work_side::host;
     return s.device.seconds < s.host.seconds ? work_side::device : work_side::host;
@@ -54,7 +54,7 @@ class crossover_measurement {
   /// What a call took; infinity: it failed. As the fastest counts, a failure does so only while all calls of its side and size
   /// fail.
   void record(work_kind kind, double amount, work_side where, double seconds) {
-    size_class& s = const_cast<size_class&>(of(kind, amount));
+    size_class& s = sizes_[static_cast<std::size_t>(kind)][size_of(amount)];
     times& t = where == work_side::device ? s.device : s.host;
     ++t.count;
     if (seconds < t.seconds) t.seconds = seconds;
@@ -81,11 +81,11 @@ class crossover_measurement {
   struct size_class {
     times host, device;
   };
-  /// Of amounts in [2^i, 2^(i + 1)).
-  const size_class& of(work_kind kind, double amount) const {
-    int i = 0;
-    while (i + 1 < sizes && amount >= std::ldexp(1.0, i + 1)) ++i;
-    return sizes_[static_cast<std::size_t>(kind)][i];
+  /// i of amounts in [2^i, 2^(i + 1)); 0 for less, and for what is no number.
+  static int size_of(double amount) {
+    if (!(amount >= 2)) return 0;
+    const int i = std::ilogb(amount);
+    return i < sizes ? i : sizes - 1;
   }
 
   size_class sizes_[work_kinds][sizes];
