@@ -8,13 +8,16 @@
 #include <cstdio>
 #include <exception>
 #include <string>
+#include <utility>
 
 #include <CLI/CLI.hpp>
 
 #include <turbomap/io/recording_writer.hpp>
 
 #include "extraction/extract.hpp"
+#include "fail.hpp"
 #include "progress.hpp"
+#include "simulation/keyframe_rules.hpp"
 
 namespace {
 
@@ -43,12 +46,7 @@ void run(const arguments& args) {
               100 * static_cast<double>(stereo) / keypoints, 100 * static_cast<double>(r.assoc_kp.size()) / keypoints);
 }
 
-/// One line, whatever the message was.
-int fail(std::string message) {
-  std::replace(message.begin(), message.end(), '\n', ' ');
-  std::fprintf(stderr, "turbomap-extract: %s\n", message.c_str());
-  return 2;
-}
+int fail(std::string message) { return turbomap_program::fail("turbomap-extract", std::move(message)); }
 
 }  // namespace
 
@@ -77,15 +75,7 @@ int main(int argc, char** argv) {
   app.add_option("--seed", o.seed, "The same seed gives the same drift")->capture_default_str();
   app.add_option("--keyframes", o.motion.most_keyframes, "Stop after so many (0: all the way)")
       ->check(CLI::Range(0, 1000000000));
-  app.add_option("--keyframe-seconds", o.motion.keyframe_seconds, "A keyframe is due after so long")
-      ->check(CLI::Range(1e-3, 1e9))
-      ->capture_default_str();
-  app.add_option("--keyframe-metres", o.motion.keyframe_metres, "... or so far")
-      ->check(CLI::Range(1e-3, 1e9))
-      ->capture_default_str();
-  app.add_option("--keyframe-radians", o.motion.keyframe_radians, "... or such a turn")
-      ->check(CLI::Range(1e-3, 1e9))
-      ->capture_default_str();
+  turbomap::simulation::add_keyframe_rules(app, o.motion);
   app.add_option("--cell-features", o.features.per_cell, "Keypoints per cell of a grid of 12 x 8, at most")
       ->check(CLI::Range(1, 10000))
       ->capture_default_str();

@@ -4,26 +4,22 @@
 /// \file
 /// turbomap-reduce: shrinks a recording to the few keyframes that a failure needs.
 
-#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
 #include <string>
+#include <utility>
 
 #include <CLI/CLI.hpp>
 
 #include <turbomap/io/recording.hpp>
 
+#include "fail.hpp"
 #include "reduce/reduce.hpp"
 
 namespace {
 
-/// One line, whatever the message was.
-int fail(std::string message) {
-  std::replace(message.begin(), message.end(), '\n', ' ');
-  std::fprintf(stderr, "turbomap-reduce: %s\n", message.c_str());
-  return 2;
-}
+int fail(std::string message) { return turbomap_program::fail("turbomap-reduce", std::move(message)); }
 
 }  // namespace
 

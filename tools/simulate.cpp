@@ -8,12 +8,15 @@
 #include <cstdio>
 #include <exception>
 #include <string>
+#include <utility>
 
 #include <CLI/CLI.hpp>
 
 #include <turbomap/io/recording_writer.hpp>
 
+#include "fail.hpp"
 #include "simulation/calibration_file.hpp"
+#include "simulation/keyframe_rules.hpp"
 #include "simulation/simulate.hpp"
 #include "simulation/walks.hpp"
 
@@ -59,12 +62,7 @@ void run(const arguments& args, int features) {
               r.keyframe_count(), r.kp_xy.size(), 100 * mapped, r.sim_point_xyz.size());
 }
 
-/// One line, whatever the message was.
-int fail(std::string message) {
-  std::replace(message.begin(), message.end(), '\n', ' ');
-  std::fprintf(stderr, "turbomap-simulate: %s\n", message.c_str());
-  return 2;
-}
+int fail(std::string message) { return turbomap_program::fail("turbomap-simulate", std::move(message)); }
 
 }  // namespace
 
@@ -108,15 +106,7 @@ int main(int argc, char** argv) {
   app.add_option("--drift", o.motion.drift_metres_per_metre, "Drift of the recorded poses, m per m")
       ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();
-  app.add_option("--keyframe-seconds", o.motion.keyframe_seconds, "A keyframe is due after so long")
-      ->check(CLI::Range(1e-3, 1e9))
-      ->capture_default_str();
-  app.add_option("--keyframe-metres", o.motion.keyframe_metres, "... or so far")
-      ->check(CLI::Range(1e-3, 1e9))
-      ->capture_default_str();
-  app.add_option("--keyframe-radians", o.motion.keyframe_radians, "... or such a turn")
-      ->check(CLI::Range(1e-3, 1e9))
-      ->capture_default_str();
+  turbomap::simulation::add_keyframe_rules(app, o.motion);
   try {
     app.parse(argc, argv);
     run(args, features);
