@@ -17,8 +17,11 @@ TURBOMAP_BEGIN_NAMESPACE
 /// The bytes of an array: everything that needs no element type, compiled once for all of them.
 class array_bytes {
  protected:
+  /// Empty; bytes will come from `resource`, which must outlive this.
   explicit array_bytes(std::pmr::memory_resource* resource) : resource_(resource) {}
+  /// Takes the bytes and the resource of another, which is left empty.
   array_bytes(array_bytes&& other) noexcept : resource_(other.resource_) { exchange(other); }
+  /// Exchanges bytes and resources.
   array_bytes& operator=(array_bytes&& other) noexcept {
     std::pmr::memory_resource* const resource = resource_;
     resource_ = other.resource_;
@@ -36,10 +39,10 @@ class array_bytes {
     room_ = bytes;
   }
 
-  std::pmr::memory_resource* resource_;
-  void* data_ = nullptr;
-  std::size_t size_ = 0;  ///< elements
-  std::size_t room_ = 0;  ///< bytes
+  std::pmr::memory_resource* resource_;  ///< where the bytes come from; outlives this
+  void* data_ = nullptr;                 ///< the first byte; null: none were allocated
+  std::size_t size_ = 0;                 ///< elements
+  std::size_t room_ = 0;                 ///< bytes
 
  private:
   [[gnu::noinline]] void release() {
@@ -62,6 +65,7 @@ class array : public array_bytes {
   static_assert(__is_trivially_copyable(T), "turbomap::array holds plain data only: it crosses the bus as bytes");
 
  public:
+  /// Empty. \param resource  where elements come from; must outlive this
   explicit array(std::pmr::memory_resource* resource = default_resource(Memory{})) : array_bytes(resource) {}
 
   /// Makes room for `n` elements of unspecified value. Throws what the resource throws; the buffer is then unchanged.
@@ -70,9 +74,14 @@ class array : public array_bytes {
     size_ = n;
   }
 
+  /// @{
+  /// The first element, in `Memory`: to be read on the host only where is_host_accessible_v<Memory>.
   T* data() { return static_cast<T*>(data_); }
   const T* data() const { return static_cast<const T*>(data_); }
+  /// @}
+  /// Number of elements.
   std::size_t size() const { return size_; }
+  /// Number of elements that fit without an allocation.
   std::size_t capacity() const { return room_ / sizeof(T); }
 };
 

@@ -30,6 +30,7 @@ struct device_memory {};
 /// Whether the host reads and writes a kind of memory directly: then nothing is copied there or back.
 template <class Memory>
 inline constexpr bool is_host_accessible_v = true;
+/// False: bytes of a device are copied.
 template <>
 inline constexpr bool is_host_accessible_v<device_memory> = false;
 
@@ -38,9 +39,10 @@ inline constexpr bool is_host_accessible_v<device_memory> = false;
 TURBOMAP_BEGIN_NAMESPACE
 
 /// \name The memory a policy computes in
-/// Host memory, unless the overload for CUDA is chosen. Both stand here because memory_of_t finds only what is declared
-/// before it, whichever header of the library comes first.
+/// Both stand here because memory_of_t finds only what is declared before it, whichever header of the library comes first.
 /// @{
+
+/// Host memory, unless the overload for CUDA is chosen. Declared only, for decltype.
 template <class Derived>
 host_memory memory_of(const thrust::execution_policy<Derived>&);
 #if TURBOMAP_HAS_CUDA
@@ -70,6 +72,7 @@ TURBOMAP_HD constexpr std::size_t align_up(std::size_t n, std::size_t alignment 
 
 /// The resources of host memory: where a host policy computes, and where its calls are staged, are the same.
 inline std::pmr::memory_resource* default_resource(host_memory) { return std::pmr::get_default_resource(); }
+/// Where the calls of a host policy are staged; see above.
 inline std::pmr::memory_resource* default_staging_resource(host_memory) { return std::pmr::get_default_resource(); }
 
 TURBOMAP_END_NAMESPACE

@@ -37,8 +37,10 @@ class named_range {
 
 #else
 
+/// Without NVTX: nothing.
 class [[maybe_unused]] named_range {
  public:
+  /// Does nothing.
   constexpr explicit named_range(const char*) {}
 };
 

@@ -26,8 +26,8 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// A block of host memory that is filled by the caller and then sent to the policy's memory in one copy.
 struct upload_block {
-  std::byte* host;
-  std::byte* resident;
+  std::byte* host;      ///< where the caller writes
+  std::byte* resident;  ///< where the policy reads after send(); the same place for a host policy
 };
 
 /// The place of `size` elements in a block.
@@ -35,8 +35,8 @@ template <class T>
 struct input_slot {
   static_assert(__is_trivially_copyable(T), "turbomap: arguments of a call are sent as bytes");
 
-  std::size_t at = 0;  ///< bytes from the start of the block
-  std::size_t size = 0;
+  std::size_t at = 0;    ///< bytes from the start of the block
+  std::size_t size = 0;  ///< number of elements
 
   /// Where the host writes them.
   T* host(const upload_block& block) const { return reinterpret_cast<T*>(block.host + at); }

@@ -18,13 +18,18 @@ namespace turbomap {
 /// The bytes of a plain_vector: everything that needs no element type.
 class plain_bytes {
  public:
+  /// No elements; the memory stays.
   void clear() { end_ = begin_; }
+  /// Whether there are no elements.
   bool empty() const { return begin_ == end_; }
 
  protected:
   plain_bytes() = default;
+  /// A copy of the bytes; no spare room.
   [[gnu::noinline]] plain_bytes(const plain_bytes& other) { append_bytes(other.begin_, other.bytes()); }
+  /// Takes the bytes of another, which is left empty.
   plain_bytes(plain_bytes&& other) noexcept { exchange(other); }
+  /// Copies; the memory is used again where it suffices.
   [[gnu::noinline]] plain_bytes& operator=(const plain_bytes& other) {
     if (this != &other) {
       end_ = begin_;
@@ -32,6 +37,7 @@ class plain_bytes {
     }
     return *this;
   }
+  /// Takes the bytes of another, which is left empty.
   [[gnu::noinline]] plain_bytes& operator=(plain_bytes&& other) noexcept {
     plain_bytes taken;
     taken.exchange(other);
@@ -40,7 +46,9 @@ class plain_bytes {
   }
   [[gnu::noinline]] ~plain_bytes() { ::operator delete(begin_); }
 
+  /// Size of all elements in bytes.
   std::size_t bytes() const { return static_cast<std::size_t>(end_ - begin_); }
+  /// Bytes that fit without an allocation.
   std::size_t room() const { return static_cast<std::size_t>(room_ - begin_); }
 
   // What allocates or copies is a call: its body is compiled once, not into each of the hundreds of places that append.
@@ -84,15 +92,16 @@ class plain_bytes {
     copy.append_bytes(source, n);
     append_bytes(copy.begin_, n);
   }
+  /// Swaps the bytes of two lists.
   [[gnu::noinline]] void exchange(plain_bytes& other) noexcept {
     swap_pointers(begin_, other.begin_);
     swap_pointers(end_, other.end_);
     swap_pointers(room_, other.room_);
   }
 
-  std::byte* begin_ = nullptr;
-  std::byte* end_ = nullptr;
-  std::byte* room_ = nullptr;
+  std::byte* begin_ = nullptr;  ///< the first byte; null: nothing was allocated
+  std::byte* end_ = nullptr;    ///< behind the last byte in use
+  std::byte* room_ = nullptr;   ///< behind the last byte of the memory
 
  private:
   static void swap_pointers(std::byte*& a, std::byte*& b) noexcept {
@@ -111,6 +120,8 @@ class plain_vector : public plain_bytes {
   static_assert(alignof(T) <= __STDCPP_DEFAULT_NEW_ALIGNMENT__);
 
  public:
+  /// @{
+  /// As the member of this name of std::vector.
   using value_type = T;
   using iterator = T*;
   using const_iterator = const T*;
@@ -168,6 +179,7 @@ class plain_vector : public plain_bytes {
   void append(const T* first, std::size_t n) { append_bytes(first, n * sizeof(T)); }
   void swap(plain_vector& other) noexcept { exchange(other); }
   operator std::vector<T>() const { return {begin(), end()}; }
+  /// @}
 };
 
 /// The same elements as any list has.

@@ -34,6 +34,7 @@ class slot_table {
     slots_.push_back({1, false});
     return static_cast<std::uint32_t>(slots_.size() - 1);
   }
+  /// What is in an acquired slot is complete: it is alive from now on.
   void publish(std::uint32_t slot) noexcept {
     slots_[slot].alive = true;
     ++alive_;
@@ -54,11 +55,17 @@ class slot_table {
   bool known(std::uint32_t slot, std::uint32_t generation) const {
     return slot < slots_.size() && slots_[slot].generation == generation;
   }
+  /// Whether the handle names something alive.
   bool alive(std::uint32_t slot, std::uint32_t generation) const { return known(slot, generation) && alive(slot); }
+  /// Whether what is in the slot is alive; the slot is one of the table's (not checked).
   bool alive(std::uint32_t slot) const { return slots_[slot].alive; }
+  /// The generation that the slot's handles have now (the slot is not checked).
   std::uint32_t generation(std::uint32_t slot) const { return slots_[slot].generation; }
+  /// Prefetches the entry of a slot; any number does no harm.
   void prefetch(std::uint32_t slot) const { __builtin_prefetch(slots_.data() + slot); }
+  /// Number of slots that are alive.
   std::size_t alive_count() const { return alive_; }
+  /// Number of slots ever acquired, whatever their state: slots are below it.
   std::size_t slot_count() const { return slots_.size(); }
 
  private:

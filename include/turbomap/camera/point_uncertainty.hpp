@@ -19,7 +19,7 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// A point as one camera sees it.
 template <class S>
-struct projected_point {
+struct projected_point {  ///< u, v in px
   vec2<S> pixel;
   S u_right;        ///< 0 without a right image
   S depth;          ///< m

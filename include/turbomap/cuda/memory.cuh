@@ -65,10 +65,12 @@ class cuda_pinned_resource : public std::pmr::memory_resource {
   }
 };
 
+/// Where buffers of a CUDA policy come from: device memory. Lives as long as the program.
 inline std::pmr::memory_resource* default_resource(device_memory) {
   static cuda_device_resource resource;
   return &resource;
 }
+/// Where calls of a CUDA policy are staged: pinned host memory. Lives as long as the program.
 inline std::pmr::memory_resource* default_staging_resource(device_memory) {
   static cuda_pinned_resource resource;
   return &resource;

@@ -12,6 +12,7 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// f(i) for i in [0, n), a thread each.
 template <class Function>
 __global__ void __launch_bounds__(for_each_tuning::block_size) for_each_index_kernel(int n, Function f) {
   const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
@@ -49,6 +50,8 @@ void launch_kernel(const thrust::cuda_cub::execution_policy<Derived>& policy, co
   launch_kernel_with(policy, what, 0, kernel, blocks, threads, arguments...);
 }
 
+/// f(i) for i in [0, n), a thread each, in any order; f is called on the device. Returns when the launch is enqueued; throws
+/// device_error.
 template <class Derived, class Function>
 void for_each_index(const thrust::cuda_cub::execution_policy<Derived>& policy, int n, Function f) {
   if (n <= 0) return;
@@ -56,6 +59,7 @@ void for_each_index(const thrust::cuda_cub::execution_policy<Derived>& policy, i
   launch_kernel(policy, "launch of for_each_index", for_each_index_kernel<Function>, (n - 1) / block + 1, block, n, f);
 }
 
+/// Copies from the host in the order of the policy's stream; throws device_error.
 template <class Derived>
 void copy_in(const thrust::cuda_cub::execution_policy<Derived>& policy, void* destination, const void* source,
              std::size_t bytes) {
@@ -64,6 +68,7 @@ void copy_in(const thrust::cuda_cub::execution_policy<Derived>& policy, void* de
              "copy to the device");
 }
 
+/// Copies to the host in the order of the policy's stream; done after synchronize(). Throws device_error.
 template <class Derived>
 void copy_out(const thrust::cuda_cub::execution_policy<Derived>& policy, void* destination, const void* source,
               std::size_t bytes) {
@@ -72,6 +77,7 @@ void copy_out(const thrust::cuda_cub::execution_policy<Derived>& policy, void* d
              "copy from the device");
 }
 
+/// Sets bytes in the order of the policy's stream; throws device_error.
 template <class Derived>
 void fill_bytes(const thrust::cuda_cub::execution_policy<Derived>& policy, void* destination, unsigned char value,
                 std::size_t bytes) {
@@ -79,6 +85,7 @@ void fill_bytes(const thrust::cuda_cub::execution_policy<Derived>& policy, void*
   check_cuda(cudaMemsetAsync(destination, value, bytes, stream_of(policy)), "fill of device memory");
 }
 
+/// Waits for the policy's stream; throws device_error, also for what failed before.
 template <class Derived>
 void synchronize(const thrust::cuda_cub::execution_policy<Derived>& policy) {
   check_cuda(cudaStreamSynchronize(stream_of(policy)), "wait for the stream");

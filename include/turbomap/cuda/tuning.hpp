@@ -14,7 +14,7 @@ inline constexpr int shared_memory_bytes = 48 * 1024;
 
 /// for_each_index: one thread per index. 128 threads leave registers enough for the geometry of a pair (up to 512 each).
 struct for_each_tuning {
-  static constexpr int block_size = 128;
+  static constexpr int block_size = 128;  ///< threads
 };
 
 TURBOMAP_END_NAMESPACE

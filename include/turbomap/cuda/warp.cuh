@@ -9,8 +9,8 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-inline constexpr int warp_size = 32;
-inline constexpr unsigned whole_warp = 0xffffffffU;
+inline constexpr int warp_size = 32;                 ///< lanes of a warp
+inline constexpr unsigned whole_warp = 0xffffffffU;  ///< the mask of all lanes
 
 /// The sum over each group of `Width` lanes that follow each other, in all of them. All lanes of the warp take part.
 template <int Width, class T>

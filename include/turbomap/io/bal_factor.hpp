@@ -16,6 +16,7 @@ TURBOMAP_BEGIN_NAMESPACE
 inline self_calibrated_state<double> bal_state(const bal_camera& camera) {
   return {bal_pose(camera), camera.f, camera.k1, camera.k2};
 }
+/// The camera of a state, its rotation as a vector of at most half a turn.
 inline bal_camera bal_camera_of(const self_calibrated_state<double>& x) {
   const rigid_transform<double>& T = x.T_cw;
   const double n = std::sqrt(T.qx * T.qx + T.qy * T.qy + T.qz * T.qz), sign = T.qw < 0 ? -1 : 1;
@@ -26,9 +27,10 @@ inline bal_camera bal_camera_of(const self_calibrated_state<double>& x) {
 /// Reprojection in a camera with its own lens (bal.hpp has the formula), sigma 1 px. Defined everywhere but in the
 /// focal plane.
 struct bal_reprojection {
-  static constexpr int size = 2;
-  using row = vec2<double>;  ///< the measured pixel
+  static constexpr int size = 2;  ///< numbers of a residual: u, v
+  using row = vec2<double>;       ///< the measured pixel
 
+  /// The projection less the measurement, px; false in the focal plane.
   template <class S, class = detail::this_target>
   TURBOMAP_HD bool residual(const self_calibrated_state<S>& x, const vec3<S>& landmark, const row& measured,
                             S* e) const {
@@ -40,6 +42,7 @@ struct bal_reprojection {
     return true;
   }
 
+  /// The same with derivatives: 2 x 9 by the frame's unknowns, 2 x 3 by the landmark, row by row.
   TURBOMAP_HD bool linearise(const self_calibrated_state<double>& x, const vec3<double>& landmark, const row& measured,
                              double* e, double* d_frame, double* d_landmark) const {
     const mat3<double> R = rotation(x.T_cw);

@@ -30,35 +30,51 @@ namespace turbomap {
 /// element of a one-dimensional array. Specialise it for a struct that has no padding.
 template <class Row>
 struct npy_row {
-  using scalar = Row;
-  static constexpr std::size_t columns = 1;
+  using scalar = Row;                        ///< type of the numbers in the file
+  static constexpr std::size_t columns = 1;  ///< numbers per row
 };
+/// A row of two numbers: x, y.
 template <class T>
 struct npy_row<vec2<T>> {
+  /// @{
+  /// As in the general template.
   using scalar = T;
   static constexpr std::size_t columns = 2;
+  /// @}
 };
+/// A row of three numbers: x, y, z.
 template <class T>
 struct npy_row<vec3<T>> {
+  /// @{
+  /// As in the general template.
   using scalar = T;
   static constexpr std::size_t columns = 3;
+  /// @}
 };
+/// A row of seven numbers: qx, qy, qz, qw, tx, ty, tz.
 template <class T>
 struct npy_row<rigid_transform<T>> {
+  /// @{
+  /// As in the general template.
   using scalar = T;
   static constexpr std::size_t columns = 7;
+  /// @}
 };
+/// A row of N numbers.
 template <class T, std::size_t N>
 struct npy_row<std::array<T, N>> {
+  /// @{
+  /// As in the general template.
   using scalar = T;
   static constexpr std::size_t columns = N;
+  /// @}
 };
 
 /// An array of any shape, as it lies in a file.
 template <class T>
 struct npy_array {
-  std::vector<std::size_t> shape;
-  std::vector<T> values;
+  std::vector<std::size_t> shape;  ///< number of elements along each axis, the slowest first
+  std::vector<T> values;           ///< in C order; as many as the product of shape
 };
 
 }  // namespace turbomap

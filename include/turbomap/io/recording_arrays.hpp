@@ -14,20 +14,32 @@
 
 namespace turbomap {
 
+/// A row: keyframe index, keypoint index.
 template <>
 struct npy_row<keypoint_reference> {
+  /// @{
+  /// As in npy_row.
   using scalar = std::int32_t;
   static constexpr std::size_t columns = 2;
+  /// @}
 };
+/// A row: position in m, then the quaternion with its real part first.
 template <>
 struct npy_row<stamped_body_pose> {
+  /// @{
+  /// As in npy_row.
   using scalar = double;
   static constexpr std::size_t columns = 7;
+  /// @}
 };
+/// A row: angular rate (rad/s) x y z, acceleration (m/s^2) x y z.
 template <>
 struct npy_row<imu_sample> {
+  /// @{
+  /// As in npy_row.
   using scalar = double;
   static constexpr std::size_t columns = 6;
+  /// @}
 };
 
 /// What the rows of an array of a recording count.

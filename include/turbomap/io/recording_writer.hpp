@@ -23,32 +23,36 @@ namespace turbomap {
 
 /// Tracking's association of a keypoint with a map point.
 struct point_association {
-  std::int32_t keypoint = 0;
-  keypoint_reference latest, earliest;  ///< observations of the point in earlier keyframes
-  vec3<float> position{};               ///< of the point, in the world, at that moment
-  bool is_new = false;  ///< created by this keyframe; latest and earliest are then its own (left) keypoint
+  std::int32_t keypoint = 0;    ///< keypoint index, within the keyframe
+  keypoint_reference latest;    ///< the point's most recent observation in an earlier keyframe
+  keypoint_reference earliest;  ///< its earliest one
+  vec3<float> position{};       ///< of the point, in the world, at that moment
+  bool is_new = false;          ///< created by this keyframe; latest and earliest are then its own (left) keypoint
 };
 
 /// A map point still on probation.
 struct recorded_recent_point {
-  keypoint_reference reference;
-  std::int32_t first_keyframe_id = 0, visible = 1, found = 1;
+  keypoint_reference reference;        ///< an observation that names it
+  std::int32_t first_keyframe_id = 0;  ///< the system's id of the keyframe that made it
+  std::int32_t visible = 1;            ///< frames in whose view it was
+  std::int32_t found = 1;              ///< frames that matched it
 };
 
 /// One keyframe as tracking hands it over. The spans are copied from; they need not outlive the call.
 struct keyframe_record {
-  std::int64_t t_ns = 0;
-  std::int32_t id = -1, frame_id = -1;  ///< the system's own ids; -1: the keyframe index
-  std::int32_t previous = -1;           ///< keyframe index of the predecessor in time
-  rigid_transform<float> T_cw;
-  span<const keypoint> keypoints;  ///< camera 0 first, then camera 1
-  span<const descriptor_bytes> descriptors;
-  span<const std::int32_t> stereo_partner;  ///< fisheye: see recording::kp_lrmatch; may be empty
-  span<const point_association> associations;
-  span<const recorded_recent_point> recent;
-  vec3<float> velocity{};  ///< inertial systems only, as what follows
-  std::array<float, 6> bias{};
-  bool imu_initialized = false;
+  std::int64_t t_ns = 0;                       ///< time, ns; never before that of the last keyframe
+  std::int32_t id = -1;                        ///< the system's own id; -1: the keyframe index
+  std::int32_t frame_id = -1;                  ///< the system's own id of the frame; -1: the keyframe index
+  std::int32_t previous = -1;                  ///< keyframe index of the predecessor in time
+  rigid_transform<float> T_cw;                 ///< tracking's estimate, world to (left) camera, m
+  span<const keypoint> keypoints;              ///< camera 0 first, then camera 1
+  span<const descriptor_bytes> descriptors;    ///< one per keypoint
+  span<const std::int32_t> stereo_partner;     ///< fisheye: see recording::kp_lrmatch; may be empty
+  span<const point_association> associations;  ///< of keypoints with map points
+  span<const recorded_recent_point> recent;    ///< points on probation, before recent points are culled
+  vec3<float> velocity{};        ///< of the body in the world, m/s; inertial systems only, as what follows
+  std::array<float, 6> bias{};   ///< gyro xyz (rad/s), acceleration xyz (m/s^2)
+  bool imu_initialized = false;  ///< velocity and bias are estimated
 };
 
 }  // namespace turbomap

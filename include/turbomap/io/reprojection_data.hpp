@@ -20,13 +20,16 @@ struct reprojection_data {
   std::vector<std::uint8_t> fixed;            ///< one per frame; 1: it does not move
   std::vector<vec3<double>> points;           ///< landmarks, world, m
   // One row per observation.
-  std::vector<std::int32_t> frame, landmark;
-  std::vector<std::uint8_t> camera;  ///< of the rig; empty: all are the first
-  std::vector<vec3<double>> pixel;   ///< u, v, u_right in px
+  std::vector<std::int32_t> frame;     ///< index of the frame
+  std::vector<std::int32_t> landmark;  ///< index of the landmark
+  std::vector<std::uint8_t> camera;    ///< of the rig; empty: all are the first
+  std::vector<vec3<double>> pixel;     ///< u, v, u_right in px
   std::vector<std::uint8_t> stereo;  ///< 1: u_right counts (it may be left of the image, negative); 0: it means nothing
   std::vector<double> information;   ///< 1 / sigma^2, px^-2
 
+  /// Number of frames.
   std::size_t frame_count() const { return T_cw.size(); }
+  /// Number of observations.
   std::size_t observation_count() const { return frame.size(); }
 };
 

@@ -19,11 +19,14 @@ namespace turbomap {
 
 /// Named columns of numbers. Times are milliseconds.
 struct timing_table {
-  std::vector<std::string> names;
+  std::vector<std::string> names;            ///< names of the columns, as the header line has them
   std::vector<std::vector<double>> columns;  ///< columns[c][row]
 
+  /// Whether there is no column.
   bool empty() const { return names.empty(); }
+  /// Number of rows; all columns have as many.
   std::size_t row_count() const { return columns.empty() ? 0 : columns.front().size(); }
+  /// Whether there is a column of this name. Linear in the number of columns.
   bool has(const std::string& name) const { return std::find(names.begin(), names.end(), name) != names.end(); }
   /// The column of this name; throws std::invalid_argument when there is none.
   const std::vector<double>& column(const std::string& name) const {

@@ -16,8 +16,9 @@ namespace turbomap {
 /// From 64-bit ids to places 0, 1, 2...
 class id_table {
  public:
-  static constexpr std::size_t none = static_cast<std::size_t>(-1);
+  static constexpr std::size_t none = static_cast<std::size_t>(-1);  ///< find() of an id that has no place
 
+  /// Forgets all ids; the memory stays. O(1).
   void clear() {
     size_ = 0;
     if (++epoch_ == 0) {  // once in 2^32 times

@@ -26,11 +26,12 @@ template <class Map, class Name>
 struct has_map_index<Map, Name, std::void_t<map_index_result<Map, Name>>> : std::true_type {};
 }  // namespace detail
 
+/// Numbers of one kind of name: 0, 1, 2 ... in the order in which they are first asked for.
 /// \tparam Name  map_traits<Map>::keyframe or ::point
 template <class Map, class Name>
 class numbering {
  public:
-  static constexpr std::size_t none = id_table::none;
+  static constexpr std::size_t none = id_table::none;  ///< find() of what has no number
 
   /// O(1).
   void clear() {
@@ -44,6 +45,7 @@ class numbering {
       table_.clear();
     }
   }
+  /// How many have a number.
   std::size_t size() const {
     if constexpr (indexed)
       return size_;
@@ -96,8 +98,10 @@ class numbering {
   std::uint32_t epoch_ = 1;
 };
 
+/// Numbers of keyframes.
 template <class Map>
 using keyframe_numbering = numbering<Map, typename map_traits<Map>::keyframe>;
+/// Numbers of points.
 template <class Map>
 using point_numbering = numbering<Map, typename map_traits<Map>::point>;
 

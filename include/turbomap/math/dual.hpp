@@ -16,10 +16,11 @@ TURBOMAP_BEGIN_NAMESPACE
 /// a + sum_i d[i] epsilon_i with epsilon_i epsilon_j = 0. Comparisons look at the value alone.
 template <int N>
 struct dual {
-  double a;
-  double d[N];
+  double a;     ///< the value
+  double d[N];  ///< its derivatives by the unknowns
 
   dual() = default;
+  /// A constant: its derivatives are 0.
   template <class T, class = std::enable_if_t<std::is_arithmetic_v<T>>>
   TURBOMAP_HD dual(T value) : a(static_cast<double>(value)) {
     for (int i = 0; i < N; ++i) d[i] = 0;
@@ -38,6 +39,7 @@ struct dual {
     for (int i = 0; i < N; ++i) r.d[i] = slope * x.d[i];
     return r;
   }
+  /// The same for a function of two variables: f, with derivatives by_x and by_y.
   TURBOMAP_HD friend dual chain(const dual& x, double by_x, const dual& y, double by_y, double f) {
     dual r;
     r.a = f;
@@ -45,6 +47,8 @@ struct dual {
     return r;
   }
 
+  /// @{
+  /// Value and derivatives of the operation.
   TURBOMAP_HD friend dual operator+(const dual& x, const dual& y) { return chain(x, 1, y, 1, x.a + y.a); }
   TURBOMAP_HD friend dual operator-(const dual& x, const dual& y) { return chain(x, 1, y, -1, x.a - y.a); }
   TURBOMAP_HD friend dual operator*(const dual& x, const dual& y) { return chain(x, y.a, y, x.a, x.a * y.a); }
@@ -57,14 +61,21 @@ struct dual {
   TURBOMAP_HD dual& operator-=(const dual& y) { return *this = *this - y; }
   TURBOMAP_HD dual& operator*=(const dual& y) { return *this = *this * y; }
   TURBOMAP_HD dual& operator/=(const dual& y) { return *this = *this / y; }
+  /// @}
 
+  /// @{
+  /// Compares the values.
   TURBOMAP_HD friend bool operator<(const dual& x, const dual& y) { return x.a < y.a; }
   TURBOMAP_HD friend bool operator>(const dual& x, const dual& y) { return x.a > y.a; }
   TURBOMAP_HD friend bool operator<=(const dual& x, const dual& y) { return x.a <= y.a; }
   TURBOMAP_HD friend bool operator>=(const dual& x, const dual& y) { return x.a >= y.a; }
   TURBOMAP_HD friend bool operator==(const dual& x, const dual& y) { return x.a == y.a; }
   TURBOMAP_HD friend bool operator!=(const dual& x, const dual& y) { return x.a != y.a; }
+  /// @}
 
+  /// @{
+  /// Value and derivatives of std's function of this name, for double. Where that has no derivative (the root of 0, asin of
+  /// 1), they are infinite or NaN.
   TURBOMAP_HD friend dual sqrt(const dual& x) {
     const double f = ::sqrt(x.a);
     return chain(x, f, 0.5 / f);
@@ -91,6 +102,7 @@ struct dual {
   TURBOMAP_HD friend dual pow(const dual& x, double exponent) {
     return chain(x, ::pow(x.a, exponent), exponent * ::pow(x.a, exponent - 1));
   }
+  /// @}
 };
 
 TURBOMAP_END_NAMESPACE

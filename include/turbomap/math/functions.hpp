@@ -177,11 +177,13 @@ TURBOMAP_HD inline void sin_cos(strict<double> x, strict<double>& sine, strict<d
   if ((quadrant & 2) != 0) sine = -sine;
   if (quadrant == 1 || quadrant == 2) cosine = -cosine;
 }
+/// Sine of x radians; as sin_cos().
 TURBOMAP_HD inline strict<double> sin(strict<double> x) {
   strict<double> s, c;
   sin_cos(x, s, c);
   return s;
 }
+/// Cosine of x radians; as sin_cos().
 TURBOMAP_HD inline strict<double> cos(strict<double> x) {
   strict<double> s, c;
   sin_cos(x, s, c);
@@ -192,8 +194,11 @@ TURBOMAP_HD inline strict<double> cos(strict<double> x) {
 TURBOMAP_HD inline strict<float> atan2(strict<float> y, strict<float> x) {
   return static_cast<float>(atan2(strict<double>(y.value), strict<double>(x.value)).value);
 }
+/// Arc tangent; as above.
 TURBOMAP_HD inline strict<float> atan(strict<float> x) { return atan2(x, strict<float>(1)); }
+/// Sine; as above.
 TURBOMAP_HD inline strict<float> sin(strict<float> x) { return static_cast<float>(sin(strict<double>(x.value)).value); }
+/// Cosine; as above.
 TURBOMAP_HD inline strict<float> cos(strict<float> x) { return static_cast<float>(cos(strict<double>(x.value)).value); }
 
 /// Both at once for any other scalar, through its own sin and cos.

@@ -27,13 +27,15 @@ TURBOMAP_HD inline void prefetch(const void* at, int bytes) {
 /// N numbers of T. This one: a plain array; the only one that a device knows.
 template <class T, int N, class = void>
 struct pack {
-  static constexpr int lanes = N;
-  T v[N];
+  static constexpr int lanes = N;  ///< numbers at once
+  T v[N];                          ///< the numbers
 
   pack() = default;
+  /// The same number in all lanes.
   TURBOMAP_HD pack(T a) {
     for (int i = 0; i < N; ++i) v[i] = a;
   }
+  /// N numbers in a row, aligned as T.
   TURBOMAP_HD static pack load(const T* a) {
     pack r;
     for (int i = 0; i < N; ++i) r.v[i] = a[i];
@@ -46,9 +48,12 @@ struct pack {
     for (int i = 0; i < N; ++i) r.v[i] = static_cast<T>(a[static_cast<long>(index[i]) * stride]);
     return r;
   }
+  /// Writes N numbers in a row, aligned as T.
   TURBOMAP_HD void store(T* a) const {
     for (int i = 0; i < N; ++i) a[i] = v[i];
   }
+  /// @{
+  /// Lane by lane.
   TURBOMAP_HD friend pack operator+(pack a, const pack& b) {
     for (int i = 0; i < N; ++i) a.v[i] += b.v[i];
     return a;
@@ -69,20 +74,24 @@ struct pack {
     for (int i = 0; i < N; ++i) a.v[i] = -a.v[i];
     return a;
   }
+  /// @}
   /// a b + c, rounded once where the processor can.
   TURBOMAP_HD friend pack multiply_add(const pack& a, const pack& b, pack c) {
     for (int i = 0; i < N; ++i) c.v[i] += a.v[i] * b.v[i];
     return c;
   }
+  /// Square roots, lane by lane.
   TURBOMAP_HD friend pack sqrt(pack a) {
     for (int i = 0; i < N; ++i) a.v[i] = ::sqrt(a.v[i]);
     return a;
   }
+  /// In each lane x where a > b, else y.
   TURBOMAP_HD friend pack select_greater(const pack& a, const pack& b, const pack& x, const pack& y) {
     pack r;
     for (int i = 0; i < N; ++i) r.v[i] = a.v[i] > b.v[i] ? x.v[i] : y.v[i];
     return r;
   }
+  /// In each lane the larger one; b where one is not a number.
   TURBOMAP_HD friend pack larger(const pack& a, const pack& b) { return select_greater(a, b, a, b); }
   /// Sum of the lanes, halves first: the order of every kind of pack.
   TURBOMAP_HD friend T sum(pack a) {

@@ -38,8 +38,13 @@ TURBOMAP_HD rigid_transform<S> normalised(const rigid_transform<S>& T) {
 /// the first terms left out are under 1e-17.
 template <class S>
 struct rotation_coefficients {
-  S a, b, c, half_sine, half_cosine;
+  S a;            ///< sin(t) / t
+  S b;            ///< (1 - cos t) / t^2
+  S c;            ///< (t - sin t) / t^3
+  S half_sine;    ///< sin(t / 2) / t
+  S half_cosine;  ///< cos(t / 2)
 
+  /// \param t2  square of the angle, rad^2
   TURBOMAP_HD explicit rotation_coefficients(const S& t2) {
     using std::sqrt;
     if (t2 < S(1e-4)) {
@@ -70,8 +75,10 @@ TURBOMAP_HD mat3<S> rotation_exp(const vec3<S>& w) {
 /// Exp(w) and its right Jacobian: Exp(w + d) = Exp(w) Exp(right d) to first order.
 template <class S>
 struct rotation_jacobian {
-  mat3<S> exp, right;
+  mat3<S> exp;    ///< Exp(w)
+  mat3<S> right;  ///< its right Jacobian
 
+  /// \param w  rotation vector, rad
   TURBOMAP_HD explicit rotation_jacobian(const vec3<S>& w) {
     const rotation_coefficients<S> k(squared_norm(w));
     const mat3<S> W = skew(w), WW = W * W;

@@ -65,14 +65,19 @@ inline T sqrt_rn(T a) {
 /// A floating-point number whose arithmetic is exactly IEEE-754 round to nearest, operation by operation.
 template <class T>
 struct strict {
-  T value;
+  T value;  ///< the number
 
   strict() = default;
+  /// From T, as it is.
   TURBOMAP_HD constexpr strict(T v) : value(v) {}
+  /// From another arithmetic type, converted to T.
   template <class U, class = std::enable_if_t<std::is_arithmetic_v<U> && !std::is_same_v<U, T>>>
   TURBOMAP_HD constexpr strict(U v) : value(static_cast<T>(v)) {}
+  /// The number.
   TURBOMAP_HD constexpr explicit operator T() const { return value; }
 
+  /// @{
+  /// Rounded to nearest, nothing fused.
   TURBOMAP_HD friend strict operator+(strict a, strict b) { return detail::add_rn(a.value, b.value); }
   TURBOMAP_HD friend strict operator-(strict a, strict b) { return detail::add_rn(a.value, -b.value); }
   TURBOMAP_HD friend strict operator*(strict a, strict b) { return detail::mul_rn(a.value, b.value); }
@@ -82,13 +87,17 @@ struct strict {
   TURBOMAP_HD strict& operator-=(strict b) { return *this = *this - b; }
   TURBOMAP_HD strict& operator*=(strict b) { return *this = *this * b; }
   TURBOMAP_HD strict& operator/=(strict b) { return *this = *this / b; }
+  /// @}
 
+  /// @{
+  /// Compares the numbers, as IEEE-754 does.
   TURBOMAP_HD friend bool operator<(strict a, strict b) { return a.value < b.value; }
   TURBOMAP_HD friend bool operator>(strict a, strict b) { return a.value > b.value; }
   TURBOMAP_HD friend bool operator<=(strict a, strict b) { return a.value <= b.value; }
   TURBOMAP_HD friend bool operator>=(strict a, strict b) { return a.value >= b.value; }
   TURBOMAP_HD friend bool operator==(strict a, strict b) { return a.value == b.value; }
   TURBOMAP_HD friend bool operator!=(strict a, strict b) { return a.value != b.value; }
+  /// @}
 };
 
 /// What geometry is computed in where it accepts or rejects.

@@ -17,9 +17,13 @@ TURBOMAP_BEGIN_NAMESPACE
 /// The lower half of a symmetric 3x3 matrix, or a lower triangular one.
 template <class S>
 struct symmetric3 {
+  /// @{
+  /// Element of this row and column.
   S xx{}, yx{}, yy{}, zx{}, zy{}, zz{};
+  /// @}
 };
 
+/// The covariance of a point, m^2, computed with in S.
 template <class S>
 TURBOMAP_HD symmetric3<S> to_symmetric(const point_covariance& c) {
   return {S(c.xx), S(c.yx), S(c.yy), S(c.zx), S(c.zy), S(c.zz)};
@@ -33,15 +37,18 @@ TURBOMAP_HD void add_outer(symmetric3<S>& A, const S& w, const vec3<S>& d) {
   A.yx = A.yx + y * d.x, A.yy = A.yy + y * d.y;
   A.zx = A.zx + z * d.x, A.zy = A.zy + z * d.y, A.zz = A.zz + z * d.z;
 }
+/// Sum.
 template <class S>
 TURBOMAP_HD symmetric3<S> operator+(const symmetric3<S>& A, const symmetric3<S>& B) {
   return {A.xx + B.xx, A.yx + B.yx, A.yy + B.yy, A.zx + B.zx, A.zy + B.zy, A.zz + B.zz};
 }
+/// A += a I
 template <class S>
 TURBOMAP_HD void add_to_diagonal(symmetric3<S>& A, const S& a) {
   A.xx = A.xx + a, A.yy = A.yy + a, A.zz = A.zz + a;
 }
 
+/// Matrix times vector.
 template <class S>
 TURBOMAP_HD vec3<S> operator*(const symmetric3<S>& A, const vec3<S>& x) {
   return {A.xx * x.x + A.yx * x.y + A.zx * x.z, A.yx * x.x + A.yy * x.y + A.zy * x.z,

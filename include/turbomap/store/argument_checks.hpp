@@ -23,14 +23,18 @@ TURBOMAP_BEGIN_NAMESPACE
 /// What an argument is called in messages: "query", or "neighbours[3]". Text is made only where something is wrong.
 class argument_name {
  public:
+  /// \param name  must outlive this: a literal
   argument_name(const char* name) : name_(name) {}
+  /// Element `index` of an array. \param array  must outlive this: a literal
   argument_name(const char* array, std::size_t index) : name_(array), index_(index), is_element_(true) {}
 
+  /// The name as it is printed.
   std::string text() const {
     std::string name = name_;
     if (is_element_) name.append("[").append(printed(index_)).append("]");
     return name;
   }
+  /// The name of a member of it.
   std::string operator+(const char* member) const { return text().append(member); }
 
  private:
@@ -82,10 +86,12 @@ void check_rig(const argument_name& keyframe, const keyframe_view<Descriptor, Ca
 /// \name Whether keypoints name cameras that the rig has
 /// Looked at where the host can: a view of the store is sound, one that a user has made may not be.
 /// @{
+/// Throws std::invalid_argument when a keypoint names a camera that is not there. Linear in the keypoints.
 template <class Descriptor, class Camera>
 void check_cameras(host_memory, const argument_name& keyframe, const keyframe_view<Descriptor, Camera>& view) {
   if (!has_cameras(view)) require_cameras(view, (keyframe + ".view").c_str());
 }
+/// Does nothing.
 template <class Descriptor, class Camera>
 void check_cameras(device_memory, const argument_name&, const keyframe_view<Descriptor, Camera>&) {}
 /// @}

@@ -79,8 +79,11 @@ class block_cache {
     e = entry{};
   }
 
+  /// Whether a pin holds the block where it is.
   bool pinned(std::uint32_t slot) const { return entries_[slot].pins > 0; }
+  /// Whether the block is in the memory of the store, not paged out.
   bool resident(std::uint32_t slot) const { return entries_[slot].resident; }
+  /// The first byte, in whichever memory the block is now.
   std::byte* data(std::uint32_t slot) const { return entries_[slot].block.data; }
 
   /// Writes the counts of blocks, bytes and pages.

@@ -22,8 +22,13 @@ TURBOMAP_BEGIN_NAMESPACE
 /// safe.
 class chunk_allocator {
  public:
-  static constexpr std::size_t alignment = 256;
-  enum class growth { done, over_limit, refused };
+  static constexpr std::size_t alignment = 256;  ///< of every block, bytes
+  /// What came of an attempt to get one more chunk.
+  enum class growth {
+    done,        ///< there is one chunk more
+    over_limit,  ///< the limit does not allow it
+    refused      ///< the resource has no memory
+  };
 
   /// \param resource     where chunks come from
   /// \param chunk_bytes  least size of a chunk; a larger block gets a chunk of its own size
@@ -153,9 +158,13 @@ class chunk_allocator {
   std::size_t reserved_bytes() const { return reserved_bytes_; }  ///< in all chunks
   std::size_t peak_bytes() const { return peak_bytes_; }          ///< the most ever reserved
   std::size_t used_bytes() const { return used_bytes_; }          ///< in all blocks
+  /// Blocks in use.
   std::size_t block_count() const { return block_count_; }
+  /// Chunks, the empty ones included.
   std::size_t chunk_count() const { return chunks_.size(); }
+  /// Free ranges in all chunks: a measure of fragmentation.
   std::size_t free_range_count() const { return free_.size(); }
+  /// Chunks without a block.
   std::size_t empty_chunks() const { return empty_chunks_; }
 
  private:

@@ -81,6 +81,7 @@ struct chunk_block {
   std::size_t bytes = 0;                 ///< a multiple of chunk_allocator::alignment
   detail::chunk_range* range = nullptr;  ///< the allocator's own
   detail::chunk* owner = nullptr;        ///< the allocator's own
+  /// Whether there is a block.
   explicit operator bool() const { return data != nullptr; }
 };
 

@@ -24,9 +24,9 @@ namespace turbomap {
 /// Host arrays that gather() fills; used again for the next keyframe.
 template <class Descriptor, class Camera>
 struct keyframe_buffer {
-  plain_vector<keypoint> keypoints;
-  plain_vector<typename Descriptor::element> descriptors;
-  plain_vector<rig_camera<Camera>> cameras;
+  plain_vector<keypoint> keypoints;                        ///< as the traits give them
+  plain_vector<typename Descriptor::element> descriptors;  ///< one after the other, in the order of the keypoints
+  plain_vector<rig_camera<Camera>> cameras;                ///< of the rig
 };
 
 }  // namespace turbomap

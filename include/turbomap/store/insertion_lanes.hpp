@@ -18,19 +18,22 @@ TURBOMAP_BEGIN_NAMESPACE
 /// A way into the memory of the store and the host memory to pack in.
 template <class Descriptor, class Camera, class Memory>
 struct insertion_lane {
+  /// \param staging  pinned memory for a device store; must outlive this
   explicit insertion_lane(std::pmr::memory_resource* staging) : transfer(staging) {}
-  transfer_lane<Memory> transfer;
-  keyframe_packing_scratch scratch;
-  keyframe_buffer<Descriptor, Camera> buffer;
-  insertion_lane* next = nullptr;  ///< idle one
+  transfer_lane<Memory> transfer;              ///< the way into the store's memory
+  keyframe_packing_scratch scratch;            ///< for sorting and counting
+  keyframe_buffer<Descriptor, Camera> buffer;  ///< for what the traits give
+  insertion_lane* next = nullptr;              ///< idle one
 };
 
 /// Lanes that are idle, to be used again: never more than threads that have inserted at the same time. Thread safe.
 template <class Descriptor, class Camera, class Memory>
 class insertion_lanes {
  public:
+  /// One lane of this store.
   using lane_type = insertion_lane<Descriptor, Camera, Memory>;
 
+  /// \param staging  of every lane that is made; must outlive this
   explicit insertion_lanes(std::pmr::memory_resource* staging) : staging_(staging) {}
   insertion_lanes(const insertion_lanes&) = delete;
   insertion_lanes& operator=(const insertion_lanes&) = delete;
@@ -41,6 +44,7 @@ class insertion_lanes {
   /// One lane for the life of this object. Throws what making a new one throws.
   class loan {
    public:
+    /// An idle lane, or a new one.
     explicit loan(insertion_lanes& lanes) : lanes_(lanes) {
       {
         const std::lock_guard<std::mutex> lock(lanes.mutex_);
@@ -55,7 +59,9 @@ class insertion_lanes {
       mine_->next = lanes_.idle_;
       lanes_.idle_ = mine_;
     }
+    /// The lane.
     lane_type& operator*() { return *mine_; }
+    /// The lane.
     lane_type* operator->() { return mine_; }
 
    private:

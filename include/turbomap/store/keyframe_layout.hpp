@@ -20,20 +20,30 @@ namespace turbomap {
 /// Offsets in bytes from the start of the block, each a multiple of block_alignment; `absent` for an array that is left
 /// out.
 struct keyframe_layout {
-  static constexpr std::size_t absent = static_cast<std::size_t>(-1);
+  static constexpr std::size_t absent = static_cast<std::size_t>(-1);  ///< offset of an array that is left out
 
-  int keypoint_count = 0, camera_count = 0, group_count = 0, grouped_count = 0;
-  int columns = 0, rows = 0;
-  image_bounds bounds;
-  float inverse_width = 0, inverse_height = 0;
-  bool wide = false;  ///< 32-bit index lists: from 65,536 keypoints on
+  int keypoint_count = 0;    ///< keypoints
+  int camera_count = 0;      ///< cameras of the rig
+  int group_count = 0;       ///< groups of descriptors that have a keypoint
+  int grouped_count = 0;     ///< keypoints that have a group
+  int columns = 0;           ///< cells of the grid in x, per camera; 0: no grid
+  int rows = 0;              ///< cells in y
+  image_bounds bounds;       ///< of the grid, px
+  float inverse_width = 0;   ///< cells per px, in x
+  float inverse_height = 0;  ///< cells per px, in y
+  bool wide = false;         ///< 32-bit index lists: from 65,536 keypoints on
 
+  /// @{
+  /// Offset of the array of this name of a keyframe_view, bytes.
   std::size_t pixel = absent, bearing = absent, octave = absent, camera = absent, angle = absent, u_right = absent,
               depth = absent, descriptor = absent, cell_offsets = absent, cell_keypoints = absent, group_ids = absent,
               group_offsets = absent, group_keypoints = absent, cameras = absent;
+  /// @}
   std::size_t bytes = 0;  ///< of the block
 
+  /// Cells of all cameras together.
   int cell_count() const { return camera_count * columns * rows; }
+  /// Size of an element of an index list.
   std::size_t index_bytes() const { return wide ? 4 : 2; }
 };
 

@@ -29,7 +29,7 @@ struct keyframe_packing_scratch {
   plain_vector<std::uint64_t> sorting;   ///< of by_group
   plain_vector<std::int32_t> cell;       ///< of each keypoint
   image_bounds image;                    ///< the bounds, widened to all keypoints
-  measured_cameras cameras;
+  measured_cameras cameras;              ///< resolutions of the rig's cameras, once measured
 };
 
 namespace detail {

@@ -24,18 +24,23 @@ class transfer_lane {
       "file (docs/traits.md)");
 };
 
+/// Copies within host memory; a block is packed where it is to lie, and then nothing is copied.
 template <>
 class transfer_lane<host_memory> {
  public:
+  /// Needs no memory of its own.
   explicit transfer_lane(std::pmr::memory_resource*) {}
   /// Makes room to pack a block of this size.
   void reserve(std::size_t) {}
   /// Where to pack a block that is to lie at `resident`: there.
   std::byte* packing_area(std::byte* resident) { return resident; }
+  /// Copies `bytes` bytes, unless they are there.
   void upload(std::byte* resident, const std::byte* host, std::size_t bytes) {
     if (resident != host) std::memcpy(resident, host, bytes);
   }
+  /// Copies `bytes` bytes back.
   void download(std::byte* host, const std::byte* resident, std::size_t bytes) { std::memcpy(host, resident, bytes); }
+  /// Copies are done: nothing to wait for.
   void wait() {}
 };
 
@@ -44,6 +49,7 @@ class transfer_lane<host_memory> {
 template <class Memory>
 struct work_order {};
 
+/// The order of a host policy: none.
 template <class Derived>
 work_order<host_memory> order_of(const thrust::execution_policy<Derived>&) {
   return {};
@@ -53,11 +59,15 @@ work_order<host_memory> order_of(const thrust::execution_policy<Derived>&) {
 template <class Memory>
 class fence;
 
+/// Work of a host policy is done when its call returns.
 template <>
 class fence<host_memory> {
  public:
+  /// Nothing to mark.
   void record(work_order<host_memory>) noexcept {}
+  /// Always.
   bool passed() noexcept { return true; }
+  /// Nothing to wait for.
   void wait() noexcept {}
 };
 

@@ -18,10 +18,11 @@ TURBOMAP_BEGIN_NAMESPACE
 /// One pin.
 template <class Descriptor, class Camera, class Memory>
 struct pin_record {
-  plain_vector<std::uint32_t> slots;
-  plain_vector<keyframe_view<Descriptor, Camera>> views;
-  fence<Memory> done;
-  pin_record *previous = nullptr, *next = nullptr;  ///< of the chain that it is in
+  plain_vector<std::uint32_t> slots;  ///< of the pinned keyframes, in the order in which they were asked for
+  plain_vector<keyframe_view<Descriptor, Camera>> views;  ///< one per slot
+  fence<Memory> done;                                     ///< behind the work that reads them
+  pin_record* previous = nullptr;                         ///< of the chain that it is in
+  pin_record* next = nullptr;                             ///< of the chain that it is in
 };
 
 namespace detail {
@@ -61,6 +62,7 @@ class record_chain {
 template <class Descriptor, class Camera, class Memory>
 class pin_records {
  public:
+  /// One pin of this store.
   using record_type = pin_record<Descriptor, Camera, Memory>;
 
   /// An idle record with `n` slots and views. Throws std::bad_alloc.
@@ -71,6 +73,7 @@ class pin_records {
     record->views.resize(n);
     return record;
   }
+  /// The idle record is in use from now on.
   void hold(record_type* record) noexcept {
     active_.append(idle_.take(*record));
     ++count_;
@@ -96,11 +99,14 @@ class pin_records {
     pending_.first()->done.wait();
     finish(pending_.first(), unpin);
   }
+  /// Waits for the work of all records that were given up; finishes none.
   void wait() {
     for (record_type* record = pending_.first(); record != nullptr; record = record->next) record->done.wait();
   }
 
+  /// Whether a record was given up and is not finished.
   bool any_given_up() const { return pending_.first() != nullptr; }
+  /// Records that are held or given up.
   std::size_t count() const { return count_; }
 
  private:

@@ -42,8 +42,10 @@ class pinned_keyframes {
  public:
   /// None.
   pinned_keyframes() = default;
+  /// The other one holds nothing afterwards.
   pinned_keyframes(pinned_keyframes&& other) noexcept
       : store_(std::exchange(other.store_, nullptr)), record_(other.record_), order_(other.order_) {}
+  /// Swaps what both hold.
   pinned_keyframes& operator=(pinned_keyframes&& other) noexcept {
     std::swap(store_, other.store_);
     std::swap(record_, other.record_);
@@ -58,7 +60,9 @@ class pinned_keyframes {
   span<const keyframe_view<Descriptor, Camera>> views() const {
     return store_ == nullptr ? span<const keyframe_view<Descriptor, Camera>>() : record_->views;
   }
+  /// Number of pinned keyframes; 0 after the release.
   std::size_t size() const { return views().size(); }
+  /// The view of handle i (not checked).
   const keyframe_view<Descriptor, Camera>& operator[](std::size_t i) const { return record_->views[i]; }
 
   /// Releases the keyframes once the work enqueued so far in `execution` (a context or a policy) is done; at once under

@@ -16,13 +16,15 @@ TURBOMAP_BEGIN_NAMESPACE
 /// A list of slots, least recently used first, linked through an array by slot: O(1), and only grow() allocates.
 class use_order {
  public:
-  static constexpr std::uint32_t none = 0xFFFFFFFFu;
+  static constexpr std::uint32_t none = 0xFFFFFFFFu;  ///< no slot
 
   /// Room for slots below `slots`.
   void grow(std::size_t slots) {
     if (links_.size() < slots) links_.resize(slots);
   }
+  /// The least recently used slot, or none.
   std::uint32_t first() const { return first_; }
+  /// The slot used after this one, or none.
   std::uint32_t next(std::uint32_t slot) const { return links_[slot].next; }
 
   /// The most recently used; not in the list before.
@@ -31,6 +33,7 @@ class use_order {
     (last_ == none ? first_ : links_[last_].next) = slot;
     last_ = slot;
   }
+  /// Takes out a slot that is in the list.
   void remove(std::uint32_t slot) noexcept {
     const link l = links_[slot];
     (l.previous == none ? first_ : links_[l.previous].next) = l.next;

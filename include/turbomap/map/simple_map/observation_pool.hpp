@@ -17,8 +17,8 @@ namespace turbomap {
 
 /// A keypoint of a keyframe of a simple_map.
 struct observation {
-  std::int32_t keyframe;
-  std::int32_t keypoint;
+  std::int32_t keyframe;  ///< place of the keyframe in the map
+  std::int32_t keypoint;  ///< keypoint index, within its keyframe
 };
 
 /// Lists by number. A list keeps the order in which observations were added.
@@ -28,12 +28,14 @@ class observation_pool {
   void open(std::size_t list) {
     if (lists_.size() <= list) lists_.resize(list + 1);
   }
+  /// The observations of a list that was opened; valid until a list is changed.
   span<const observation> of(std::size_t list) const {
     const block& b = lists_[list];
     return {elements_.data() + b.begin, b.count};
   }
-  /// Asks memory for where a list is, or, when that has come, for its first two dozen observations.
+  /// Asks memory for where a list is.
   void prefetch_place(std::size_t list) const { __builtin_prefetch(&lists_[list]); }
+  /// Asks memory for the first two dozen observations of a list.
   void prefetch(std::size_t list) const {
     const auto* const first = reinterpret_cast<const char*>(elements_.data() + lists_[list].begin);
     __builtin_prefetch(first), __builtin_prefetch(first + 64), __builtin_prefetch(first + 128);

@@ -33,26 +33,34 @@ class simple_inertial_map : public simple_map<Descriptor, Camera> {
       : simple_map<Descriptor, Camera>(levels) {
     set_imu(T_bc, imu);
   }
+  /// As the constructor sets them. Throws std::invalid_argument, with nothing changed, for a T_bc that is no pose.
   void set_imu(const rigid_transform<double>& T_bc, const preintegration_options& imu) {
     require(is_pose(T_bc), "T_bc", T_bc.qw, "must be finite, with a quaternion of unit length (qw is given)");
     T_bc_ = T_bc, imu_ = imu;
   }
 
+  /// From the frame of the poses to the body, that of the IMU.
   const rigid_transform<double>& T_bc() const { return T_bc_; }
   /// In the world, m/s^2.
   const vec3<double>& gravity() const { return gravity_; }
+  /// In the world, m/s^2. Not checked.
   void set_gravity(const vec3<double>& gravity) { gravity_ = gravity; }
   /// Gravity, and the velocities and biases of the keyframes, are known.
   bool initialised() const { return initialised_; }
+  /// Whether gravity, velocities and biases are known from now on.
   void set_initialised(bool initialised) { initialised_ = initialised; }
   /// They are no longer young. Who initialises this map by the library sets false before, true after the second refinement.
   bool refined() const { return refined_; }
+  /// Whether they are no longer young.
   void set_refined(bool refined) { refined_ = refined; }
 
   /// Of the IMU in the world, m/s. 0 until it is set.
   const vec3<double>& velocity(map_keyframe_id k) const { return at(k).velocity; }
+  /// Of the IMU in the world, m/s.
   void set_velocity(map_keyframe_id k, const vec3<double>& velocity) { make(k).velocity = velocity; }
+  /// Of the IMU at the keyframe, rad/s and m/s^2. 0 until it is set.
   const imu_bias<double>& bias(map_keyframe_id k) const { return at(k).bias; }
+  /// Of the IMU at the keyframe, rad/s and m/s^2.
   void set_bias(map_keyframe_id k, const imu_bias<double>& bias) { make(k).bias = bias; }
   /// From the keyframe before in time; null where it is not known.
   const preintegration<double>* motion(map_keyframe_id k) const { return at(k).has_motion ? &at(k).motion : nullptr; }
@@ -61,7 +69,9 @@ class simple_inertial_map : public simple_map<Descriptor, Camera> {
     auto& entry = make(k);
     entry.motion = motion, entry.has_motion = true, entry.samples = std::move(samples);
   }
+  /// The motion from the keyframe before is no longer known, nor its samples.
   void clear_motion(map_keyframe_id k) { make(k).has_motion = false, make(k).samples = {}; }
+  /// What the motion was integrated from; empty where that is not kept.
   const imu_history& samples(map_keyframe_id k) const { return at(k).samples; }
 
  private:
@@ -104,8 +114,11 @@ namespace turbomap {
 template <class Descriptor, class Camera>
 struct map_traits<simple_inertial_map<Descriptor, Camera>> : map_traits<simple_map<Descriptor, Camera>> {};
 
+/// A simple_inertial_map as the inertial stages see it. Ids are checked: throws std::invalid_argument where the map does.
 template <class Descriptor, class Camera>
 struct inertial_traits<simple_inertial_map<Descriptor, Camera>> {
+  /// @{
+  /// As the member of this name of inertial_traits (map/inertial_traits.hpp).
   using map = simple_inertial_map<Descriptor, Camera>;
   using keyframe = map_keyframe_id;
 
@@ -150,6 +163,7 @@ struct inertial_traits<simple_inertial_map<Descriptor, Camera>> {
     } catch (const std::exception&) {  // no memory: corrected to first order, as before
     }
   }
+  /// @}
 };
 
 }  // namespace turbomap

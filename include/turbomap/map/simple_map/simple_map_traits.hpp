@@ -19,6 +19,8 @@ namespace turbomap {
 /// A simple_map as algorithms see it. Ids are not checked here: algorithms pass on what the map gave them.
 template <class Descriptor, class Camera>
 struct map_traits<simple_map<Descriptor, Camera>> {
+  /// @{
+  /// As the member of this name of map_traits (map/map_traits.hpp).
   using map = simple_map<Descriptor, Camera>;
   using keyframe = map_keyframe_id;
   using point = map_point_id;
@@ -131,6 +133,7 @@ struct map_traits<simple_map<Descriptor, Camera>> {
     for (std::size_t p = 0; p < m.points_.size(); ++p)
       if (m.point_places_.alive(static_cast<std::int32_t>(p))) f(m.id_of(static_cast<std::int32_t>(p)));
   }
+  /// @}
 
  private:
   static std::size_t at(point p) { return static_cast<std::size_t>(p.index); }

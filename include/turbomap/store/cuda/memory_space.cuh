@@ -16,6 +16,7 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// Copies by a stream of its own, through pinned memory.
 template <>
 class transfer_lane<device_memory> {
  public:
@@ -31,6 +32,8 @@ class transfer_lane<device_memory> {
     cudaStreamDestroy(stream_);
   }
 
+  /// @{
+  /// As the member of this name for host memory; throws device_error. Copies are done after wait().
   void reserve(std::size_t bytes) { staging_.resize_discard(bytes); }
   std::byte* packing_area(std::byte*) { return staging_.data(); }
   void upload(std::byte* resident, const std::byte* host, std::size_t bytes) {
@@ -40,22 +43,26 @@ class transfer_lane<device_memory> {
     check_cuda(cudaMemcpyAsync(host, resident, bytes, cudaMemcpyDeviceToHost, stream_), "paging out of a keyframe");
   }
   void wait() { check_cuda(cudaStreamSynchronize(stream_), "wait for the copies of keyframes"); }
+  /// @}
 
  private:
   array<std::byte, host_memory> staging_;
   cudaStream_t stream_ = nullptr;
 };
 
+/// A CUDA policy's stream.
 template <>
 struct work_order<device_memory> {
-  cudaStream_t stream = nullptr;
+  cudaStream_t stream = nullptr;  ///< not owned
 };
 
+/// The stream of a CUDA policy.
 template <class Derived>
 work_order<device_memory> order_of(const thrust::cuda_cub::execution_policy<Derived>& policy) {
   return {stream_of(policy)};
 }
 
+/// An event of CUDA.
 template <>
 class fence<device_memory> {
  public:
@@ -78,6 +85,7 @@ class fence<device_memory> {
     cudaGetLastError();
     return false;
   }
+  /// Blocks until the work before the mark is done; an error surfaces at the next call.
   void wait() noexcept { cudaEventSynchronize(event_); }
 
  private:
