@@ -17,12 +17,12 @@ namespace turbomap {
 /// One view of a point: a keypoint of a keyframe of the call. A rig that sees the point with two cameras gives two.
 struct point_observation {
   std::int32_t keyframe;  ///< index into the call's keyframes
-  std::int32_t keypoint;
+  std::int32_t keypoint;  ///< keypoint index, within the keyframe
 };
 
 /// The points to be updated, in host memory; read during the call only.
 struct appearance_view {
-  int count = 0;
+  int count = 0;                                     ///< points
   const vec3<double>* position = nullptr;            ///< count; world, m. Not needed without geometry
   const std::int32_t* observation_offset = nullptr;  ///< count + 1, from 0, ascending
   const point_observation* observations = nullptr;   ///< in the order that decides ties: the first wins
@@ -60,11 +60,14 @@ struct point_appearance {
 /// Appearances as update_appearance() gives them, by number of the point.
 template <class Descriptor>
 struct computed_appearances {
-  span<const point_appearance> points;
+  span<const point_appearance> points;                   ///< one per point
   span<const typename Descriptor::element> descriptors;  ///< [point][element]
 
+  /// Whether there are no points.
   bool empty() const { return points.empty(); }
+  /// Number of points.
   std::size_t size() const { return points.size(); }
+  /// The descriptor of point i (not checked).
   const typename Descriptor::element* descriptor(std::size_t i) const {
     return descriptors.data() + i * static_cast<std::size_t>(Descriptor::elements);
   }

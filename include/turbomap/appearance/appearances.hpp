@@ -18,11 +18,12 @@ TURBOMAP_BEGIN_NAMESPACE
 /// The memory of one call: filled by update_appearance().
 template <class Descriptor, class Memory>
 struct appearance_buffers {
+  /// Empty. \param resource  must outlive this
   explicit appearance_buffers(std::pmr::memory_resource* resource)
       : inputs(resource), points(resource), descriptors(resource) {}
 
-  array<std::byte, Memory> inputs;  ///< the arguments of the call, packed
-  array<point_appearance, Memory> points;
+  array<std::byte, Memory> inputs;                          ///< the arguments of the call, packed
+  array<point_appearance, Memory> points;                   ///< direction and distance range of each point
   array<typename Descriptor::element, Memory> descriptors;  ///< [point][element]; empty when not asked for
 };
 
@@ -31,11 +32,14 @@ struct appearance_buffers {
 template <class Descriptor, class Camera, class Policy>
 class appearances {
  public:
-  using memory_type = memory_of_t<Policy>;
-  using element = typename Descriptor::element;
+  using memory_type = memory_of_t<Policy>;       ///< where the results stay
+  using element = typename Descriptor::element;  ///< of a descriptor
 
+  /// No points. \param ctx  its resource gives the memory, and must outlive this
   explicit appearances(const context<Policy>& ctx) : buffers_(ctx.resource()) {}
+  /// Takes the memory of another, which has no points then.
   appearances(appearances&&) = default;
+  /// Exchanges the memory with another.
   appearances& operator=(appearances&&) = default;
 
   /// No points: what is left where a call ran out of memory.

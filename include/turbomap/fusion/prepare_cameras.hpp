@@ -17,8 +17,9 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Index = request.
 template <class Descriptor, class Camera>
 struct prepare_projection_camera {
-  projection_view<Descriptor, Camera> search;
+  projection_view<Descriptor, Camera> search;  ///< reads requests and keyframes, writes cameras
 
+  /// Places camera i.
   TURBOMAP_HD void operator()(int i) const {
     projection_camera c;
     c.of = search.requests[i];
@@ -31,6 +32,7 @@ struct prepare_projection_camera {
   }
 };
 
+/// Places every camera, by one thread each.
 template <class Derived, class Descriptor, class Camera>
 void launch_prepare_cameras(const thrust::execution_policy<Derived>& policy,
                             const projection_view<Descriptor, Camera>& search) {

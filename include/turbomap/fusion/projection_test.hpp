@@ -19,9 +19,10 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// The point as it is predicted to be seen.
 struct predicted_keypoint {
-  vec2<decision> pixel;
+  vec2<decision> pixel;             ///< projection of the point, px
   decision u_right;                 ///< valid where the camera has bf
-  decision radius_u, radius_v;      ///< px, half the sides of the window
+  decision radius_u;                ///< px, half the width of the window
+  decision radius_v;                ///< px, half its height
   int level;                        ///< -1: any octave will do
   bool uncertain;                   ///< the point has a covariance ...
   symmetric3<decision> covariance;  ///< ... and this is that of its u, v, u_right; px^2
@@ -31,8 +32,9 @@ struct predicted_keypoint {
 template <class Descriptor, class Camera>
 class projection_scan {
  public:
-  using distance_type = typename Descriptor::distance_type;
+  using distance_type = typename Descriptor::distance_type;  ///< of descriptors
 
+  /// \param search, camera, predicted  must outlive this   \param point  index into the points of the call
   TURBOMAP_HD projection_scan(const projection_view<Descriptor, Camera>& search, const projection_camera& camera,
                               const predicted_keypoint& predicted, int point)
       : search_(search),
@@ -43,6 +45,7 @@ class projection_scan {
         stereo_(camera.bf > decision(0)),
         gated_(search.options.is_gated(predicted.uncertain)) {}
 
+  /// Compares one keypoint. Always false: all keypoints of the window are visited.
   TURBOMAP_HD bool operator()(int keypoint) {
     const vec2<decision> seen = cast<decision>(view_.pixel[keypoint]);
     const decision du = seen.x - predicted_.pixel.x, dv = seen.y - predicted_.pixel.y;
@@ -65,10 +68,10 @@ class projection_scan {
     return false;
   }
 
-  bool in_window = false;
-  std::int32_t best = -1;
-  distance_type distance = no_match_distance<Descriptor>;
-  distance_type second = Descriptor::worst;  ///< of another candidate
+  bool in_window = false;                                  ///< whether any keypoint lay in the window
+  std::int32_t best = -1;                                  ///< the most similar keypoint so far; -1: none
+  distance_type distance = no_match_distance<Descriptor>;  ///< its distance
+  distance_type second = Descriptor::worst;                ///< of another candidate
 
  private:
   TURBOMAP_HD bool fits(int keypoint, decision du, decision dv, int octave) const {
@@ -106,10 +109,11 @@ TURBOMAP_HD inline int predicted_octave(decision max_distance, decision distance
 /// One point in one camera, from projection to the most similar keypoint.
 template <class Descriptor, class Camera>
 struct projection_test {
-  using trial_type = projection_trial<typename Descriptor::distance_type>;
-  const projection_view<Descriptor, Camera>& search;
-  const projection_camera& camera;
+  using trial_type = projection_trial<typename Descriptor::distance_type>;  ///< what became of the point
+  const projection_view<Descriptor, Camera>& search;                        ///< the search
+  const projection_camera& camera;                                          ///< in which the point is looked for
 
+  /// Decides for one point. O(keypoints in the window).
   TURBOMAP_HD trial_type operator()(int point) const {
     trial_type trial{projection_outcome::skipped, -1, -1, no_match_distance<Descriptor>};
     if (camera.of.skip != nullptr && camera.of.skip[point] != 0) return trial;

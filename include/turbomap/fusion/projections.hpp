@@ -21,8 +21,9 @@ TURBOMAP_BEGIN_NAMESPACE
 /// The memory of one search by projection, and what the host knows about it: filled by the search.
 template <class Descriptor, class Memory>
 struct projection_buffers {
-  using distance_type = typename Descriptor::distance_type;
+  using distance_type = typename Descriptor::distance_type;  ///< of descriptors
 
+  /// Empty. \param resource  of the policy's memory; must outlive this
   explicit projection_buffers(std::pmr::memory_resource* resource)
       : inputs(resource), cameras(resource), hits(resource), trials(resource), claims(resource) {}
   /// No matches, of no point.
@@ -37,8 +38,8 @@ struct projection_buffers {
   array<projection_trial<distance_type>, Memory> trials;  ///< [request][point], with options.keep_trials
   array<std::uint64_t, Memory> claims;                    ///< on the keypoints of all targets, with options.one_to_one
   plain_vector<projection_request> requests;  ///< cameras of all targets; pointers are of the policy's memory
-  int point_count = 0;
-  bool has_trials = false;
+  int point_count = 0;                        ///< points of the last call
+  bool has_trials = false;                    ///< whether the last call kept its trials
 };
 
 /// Points found again in keyframes. Make one and use it for every call: its memory is reused. Move-only; not shared
@@ -46,13 +47,16 @@ struct projection_buffers {
 template <class Descriptor, class Camera, class Policy>
 class projections {
  public:
-  using memory_type = memory_of_t<Policy>;
-  using distance_type = typename Descriptor::distance_type;
-  using plan_type = std::vector<projection_match<distance_type>>;
-  using trials_type = std::vector<projection_trial<distance_type>>;
+  using memory_type = memory_of_t<Policy>;                           ///< where the results stay
+  using distance_type = typename Descriptor::distance_type;          ///< of descriptors
+  using plan_type = std::vector<projection_match<distance_type>>;    ///< matches on the host
+  using trials_type = std::vector<projection_trial<distance_type>>;  ///< trials on the host
 
+  /// No matches. \param ctx  its resource gives the memory, and must outlive this
   explicit projections(const context<Policy>& ctx) : buffers_(ctx.resource()) {}
+  /// Takes the memory of another.
   projections(projections&&) = default;
+  /// Exchanges the memory with another.
   projections& operator=(projections&&) = default;
 
   /// No matches: what is left where a call ran out of memory.

@@ -19,12 +19,14 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Index i = request * blocks + block: `BlockSize` points in one camera of one target.
 template <class Descriptor, class Camera, int BlockSize>
 struct projection_search {
-  using distance_type = typename Descriptor::distance_type;
+  using distance_type = typename Descriptor::distance_type;  ///< of descriptors
 
-  projection_view<Descriptor, Camera> search;
+  projection_view<Descriptor, Camera> search;  ///< what is read and written
 
+  /// Blocks of points per camera.
   TURBOMAP_HD int blocks() const { return (search.points.count + BlockSize - 1) / BlockSize; }
 
+  /// Decides for the points of one block.
   TURBOMAP_HD void operator()(int i) const {
     const int request = i / blocks(), first = i % blocks() * BlockSize;
     const int last = search.points.count - first < BlockSize ? search.points.count : first + BlockSize;

@@ -18,15 +18,18 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// Index = request * points + point.
 template <class Descriptor, class Camera>
-struct claim_keypoint {
+struct claim_keypoint {  ///< what is read and written
   projection_view<Descriptor, Camera> search;
 
+  /// Claims the keypoint of a match.
   TURBOMAP_HD void operator()(int i) const {
     if (search.hits[i].keypoint >= 0) atomic_min(claimed(i), claim(i));
   }
+  /// What a match claims with: the least distance wins, then the smallest index of a point.
   TURBOMAP_HD std::uint64_t claim(int i) const {
     return make_claim(search.hits[i].distance, static_cast<std::uint32_t>(i % search.points.count));
   }
+  /// Where the keypoint's least claim is kept.
   TURBOMAP_HD std::uint64_t* claimed(int i) const {
     return search.requests[i / search.points.count].claims + search.hits[i].keypoint;
   }
@@ -35,8 +38,9 @@ struct claim_keypoint {
 /// The same index.
 template <class Descriptor, class Camera>
 struct drop_lost_claim {
-  claim_keypoint<Descriptor, Camera> of;
+  claim_keypoint<Descriptor, Camera> of;  ///< what was claimed
 
+  /// Takes a match back whose claim was not the least.
   TURBOMAP_HD void operator()(int i) const {
     const auto& search = of.search;
     if (search.hits[i].keypoint < 0 || *of.claimed(i) == of.claim(i)) return;
@@ -45,12 +49,14 @@ struct drop_lost_claim {
   }
 };
 
+/// Every match claims its keypoint.
 template <class Derived, class Descriptor, class Camera>
 void launch_claim_keypoints(const thrust::execution_policy<Derived>& policy,
                             const projection_view<Descriptor, Camera>& search) {
   for_each_index(derived(policy), search.request_count * search.points.count,
                  claim_keypoint<Descriptor, Camera>{search});
 }
+/// After launch_claim_keypoints(): drops the matches that lost.
 template <class Derived, class Descriptor, class Camera>
 void launch_drop_lost_claims(const thrust::execution_policy<Derived>& policy,
                              const projection_view<Descriptor, Camera>& search) {

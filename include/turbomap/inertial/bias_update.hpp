@@ -16,6 +16,7 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// Whether two biases are equal to the last bit.
 template <class S>
 TURBOMAP_HD bool same_bias(const imu_bias<S>& a, const imu_bias<S>& b) {
   const auto same = [](const vec3<S>& x, const vec3<S>& y) { return x.x == y.x && x.y == y.y && x.z == y.z; };
@@ -25,8 +26,9 @@ TURBOMAP_HD bool same_bias(const imu_bias<S>& a, const imu_bias<S>& b) {
 /// Rotation, velocity and position of a preintegration.
 template <class S>
 struct relative_motion {
-  mat3<S> dR;
-  vec3<S> dV, dP;
+  mat3<S> dR;  ///< rotation, as preintegration::dR
+  vec3<S> dV;  ///< velocity, m/s
+  vec3<S> dP;  ///< position, m
 };
 
 /// What `p` would be at `bias`, to first order. T may be a dual number while p holds doubles.

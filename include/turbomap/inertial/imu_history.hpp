@@ -20,10 +20,11 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// Pieces of time one after the other without a hole, e.g. from frame to frame, with their samples.
 struct imu_history {
-  std::vector<std::int64_t> t_ns;
-  std::vector<imu_sample> sample;
-  std::vector<imu_interval> pieces;
+  std::vector<std::int64_t> t_ns;    ///< times of the samples, ns
+  std::vector<imu_sample> sample;    ///< one per time
+  std::vector<imu_interval> pieces;  ///< of time, each beginning where the one before ends
 
+  /// Views of times and samples; valid until the history is changed.
   imu_samples samples() const { return {t_ns, sample}; }
 };
 

@@ -93,6 +93,7 @@ class imu_integrator {
     return true;
   }
 
+  /// The motion from restart() to the last advance().
   const preintegration<S>& value() const { return value_; }
   /// What was integrated, and samples after it: for the keyframe to keep.
   const imu_history& history() const { return history_; }

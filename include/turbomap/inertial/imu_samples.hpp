@@ -17,27 +17,31 @@ namespace turbomap {
 
 /// Angular velocity (rad/s) and specific force (m/s^2: an IMU at rest measures 9.81 upwards) in the body frame.
 struct imu_sample {
-  vec3<double> gyro, acceleration;
+  vec3<double> gyro;          ///< angular velocity, rad/s
+  vec3<double> acceleration;  ///< specific force, m/s^2
 };
 
 /// Samples of one IMU in the order of time. Sample i was taken at t_ns[i].
 struct imu_samples {
-  span<const std::int64_t> t_ns;
-  span<const imu_sample> sample;
+  span<const std::int64_t> t_ns;  ///< times, ns; they increase
+  span<const imu_sample> sample;  ///< one per time
 };
 
 /// What the sensor measures above the truth: rad/s and m/s^2, in the body frame.
 template <class S>
 struct imu_bias {
-  vec3<S> gyro{S(0), S(0), S(0)}, acceleration{S(0), S(0), S(0)};
+  vec3<S> gyro{S(0), S(0), S(0)};          ///< rad/s
+  vec3<S> acceleration{S(0), S(0), S(0)};  ///< m/s^2
 };
 
 /// The time from one frame to the next, and the samples that tell what happened in it. Samples first + 1 ... last - 1
 /// lie inside. The values at both ends come from the lines through the first two and the last two samples: interpolated
 /// where samples `first` and `last` lie outside, extrapolated where they do not. find_interval() chooses them.
 struct imu_interval {
-  std::int64_t begin_ns = 0, end_ns = 0;
-  std::int32_t first = 0, last = 0;
+  std::int64_t begin_ns = 0;  ///< time of the first frame
+  std::int64_t end_ns = 0;    ///< time of the second frame
+  std::int32_t first = 0;     ///< sample that gives the value at the beginning
+  std::int32_t last = 0;      ///< sample that gives the value at the end
 };
 
 namespace plain_detail {

@@ -20,10 +20,11 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Collects edges. Keep one and use it again. The groups are views of it.
 class inertial_edges {
  public:
-  using factors = frame_pair_factors<inertial_factor>;
-  using robust_factors = frame_pair_factors<inertial_factor, huber>;
-  using walk_factors = frame_pair_factors<bias_walk_factor>;
+  using factors = frame_pair_factors<inertial_factor>;                ///< edges that count in full
+  using robust_factors = frame_pair_factors<inertial_factor, huber>;  ///< edges with a robust kernel
+  using walk_factors = frame_pair_factors<bias_walk_factor>;          ///< walks of the biases
 
+  /// No edges; the memory stays.
   void clear() {
     for (auto* list : {&first_, &second_, &robust_first_, &robust_second_, &walk_first_, &walk_second_}) list->clear();
     rows_.clear(), robust_rows_.clear(), walks_.clear();
@@ -50,10 +51,13 @@ class inertial_edges {
     return true;
   }
 
+  /// The edges that count in full; valid until edges are added.
   factors plain(const inertial_factor& factor) const { return {factor, first_, second_, rows_, {}, 1e6}; }
+  /// The edges whose chi2 a Huber kernel of options.robust_chi2 bounds.
   robust_factors robust(const inertial_factor& factor, const inertial_window_options& options) const {
     return {factor, robust_first_, robust_second_, robust_rows_, huber{options.robust_chi2}, 1e6};
   }
+  /// The walks of the biases.
   walk_factors walks() const { return {{}, walk_first_, walk_second_, walks_, {}, 1e6}; }
 
  private:

@@ -20,15 +20,16 @@ namespace turbomap {
 
 /// Nine residuals of rotation, velocity and position between a frame and the next one, whitened [Forster et al. 2017].
 struct inertial_factor {
-  static constexpr int size = 9;
+  static constexpr int size = 9;  ///< numbers of a residual: rotation, velocity, position
   /// Made by make_inertial_row().
   struct row {
-    preintegration<double> motion;
-    double whitening[81];  ///< lower triangular, row-major: W^T W is the information
+    preintegration<double> motion;  ///< what the IMU measured from frame i to frame j
+    double whitening[81];           ///< lower triangular, row-major: W^T W is the information
   };
   isometry<double> T_bc{{{1, 0, 0, 0, 1, 0, 0, 0, 1}}, {0, 0, 0}};  ///< camera to body, the frame of the IMU
   vec3<double> gravity{0, 0, -9.81};                                ///< in the world, m/s^2
 
+  /// Writes the whitened residual, without unit; always defined. S: double or a dual number.
   template <class S, class = detail::this_target>
   TURBOMAP_HD bool residual(const inertial_state<S>& i, const inertial_state<S>& j, const row& r, S* e) const {
     S raw[9];
@@ -39,6 +40,7 @@ struct inertial_factor {
     }
     return true;
   }
+  /// The same with derivatives by the 15 unknowns of both states: 9 x 15 each, row by row.
   template <class = detail::this_target>
   TURBOMAP_HD bool linearise(const inertial_state<double>& i, const inertial_state<double>& j, const row& r, double* e,
                              double* d_i, double* d_j) const {
@@ -60,11 +62,14 @@ struct inertial_factor {
 
 /// Six residuals of how far the biases of gyroscope and accelerometer walked between two frames.
 struct bias_walk_factor {
-  static constexpr int size = 6;
+  static constexpr int size = 6;  ///< numbers of a residual: gyroscope, accelerometer
+  /// Made by make_walk_row().
   struct row {
-    double gyro, acceleration;  ///< 1 / sigma of the walk of each element
+    double gyro;          ///< 1 / sigma of the walk of each element, s/rad
+    double acceleration;  ///< in the same way, s^2/m
   };
 
+  /// Writes the whitened residual, without unit; always defined.
   template <class S, class = detail::this_target>
   TURBOMAP_HD bool residual(const inertial_state<S>& i, const inertial_state<S>& j, const row& r, S* e) const {
     S raw[6];
@@ -72,6 +77,7 @@ struct bias_walk_factor {
     for (int k = 0; k < 6; ++k) e[k] = S(k < 3 ? r.gyro : r.acceleration) * raw[k];
     return true;
   }
+  /// The same with derivatives by the 15 unknowns of both states: 6 x 15 each, row by row.
   template <class = detail::this_target>
   TURBOMAP_HD bool linearise(const inertial_state<double>& i, const inertial_state<double>& j, const row& r, double* e,
                              double* d_i, double* d_j) const {
@@ -88,13 +94,17 @@ struct bias_walk_factor {
 /// What is known of velocity and biases beforehand, e.g. of a frame at rest, or of an IMU that was calibrated: nine residuals,
 /// velocity, gyroscope, accelerometer.
 struct inertial_prior_factor {
-  static constexpr int size = 9;
+  static constexpr int size = 9;  ///< numbers of a residual: velocity, gyroscope, accelerometer
+  /// What is known of one state.
   struct row {
-    vec3<double> velocity;  ///< m/s
-    imu_bias<double> bias;
-    double velocity_weight, gyro_weight, acceleration_weight;  ///< 1 / sigma of each element; 0: nothing is known
+    vec3<double> velocity;       ///< m/s
+    imu_bias<double> bias;       ///< rad/s, m/s^2
+    double velocity_weight;      ///< 1 / sigma of each element, s/m; 0: nothing is known
+    double gyro_weight;          ///< in the same way, s/rad
+    double acceleration_weight;  ///< in the same way, s^2/m
   };
 
+  /// Writes the whitened residual, without unit; always defined.
   template <class S, class = detail::this_target>
   TURBOMAP_HD bool residual(const inertial_state<S>& x, const row& r, S* e) const {
     const vec3<S>* const now[3] = {&x.velocity, &x.bias.gyro, &x.bias.acceleration};
@@ -107,6 +117,7 @@ struct inertial_prior_factor {
     }
     return true;
   }
+  /// The same with derivatives by the 15 unknowns of the state: 9 x 15, row by row.
   template <class = detail::this_target>
   TURBOMAP_HD bool linearise(const inertial_state<double>& x, const row& r, double* e, double* d) const {
     residual(x, r, e);

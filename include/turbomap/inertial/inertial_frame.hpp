@@ -18,8 +18,9 @@ namespace turbomap {
 /// Unknowns as in inertial_state: 6 of the pose (those of pose_frame), velocity (m/s), bias of the gyroscope (rad/s) and of
 /// the accelerometer (m/s^2).
 struct inertial_frame {
-  static constexpr int dof = 15;
-  static constexpr int landmark_dof = 6;
+  static constexpr int dof = 15;          ///< unknowns of a step
+  static constexpr int landmark_dof = 6;  ///< of which observations of landmarks depend on the first so many: the pose
+  /// State of a frame.
   template <class S>
   using state = inertial_state<S>;
 
@@ -41,6 +42,7 @@ struct inertial_frame {
     }
     return moved;
   }
+  /// World to the frame of the visual residuals.
   template <class S, class = detail::this_target>
   TURBOMAP_HD static const rigid_transform<S>& pose(const inertial_state<S>& x) {
     return x.T_cw;

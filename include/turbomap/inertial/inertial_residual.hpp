@@ -23,7 +23,7 @@
 TURBOMAP_BEGIN_NAMESPACE
 
 /// Residuals: rotation (rad), velocity (m/s) and position (m), in the body frame of i.
-/// \param S  double, or a dual number: the preintegration and T_bc are constants
+/// \tparam S  double, or a dual number: the preintegration and T_bc are constants
 template <class S>
 TURBOMAP_HD void inertial_residual(const preintegration<double>& p, const isometry<double>& T_bc,
                                    const inertial_state<S>& i, const inertial_state<S>& j, const vec3<S>& gravity,
@@ -75,8 +75,9 @@ TURBOMAP_HD inertial_state<S> move_state(const S* step, const inertial_state<dou
 
 /// Derivatives of the nine residuals, row-major.
 struct inertial_jacobian {
-  double i[9 * 15], j[9 * 15];  ///< by the unknowns of both states
-  double gravity[9 * 2];        ///< by turns about gravity_basis()
+  double i[9 * 15];       ///< by the unknowns of the first state
+  double j[9 * 15];       ///< by those of the second
+  double gravity[9 * 2];  ///< by turns about gravity_basis()
 };
 
 namespace detail {

@@ -26,11 +26,12 @@ namespace turbomap {
 /// What is known of all 15 unknowns of a frame: 15 residuals R d + e, where d is how far the state is from `at`. Made by
 /// state_marginaliser; a factor of one frame.
 struct marginal_prior_factor {
-  static constexpr int size = 15;
+  static constexpr int size = 15;  ///< numbers of a residual
+  /// Made by state_marginaliser.
   struct row {
     inertial_state<double> at;  ///< where it was linearised; stays
     double R[15 * 15];          ///< row-major; R^T R is the information
-    double e[15];
+    double e[15];               ///< the residual at `at`, whitened
   };
 
   /// d: turn and shift of T_cw as in a step, velocity, biases. Agrees with move_state() to first order.
@@ -42,6 +43,7 @@ struct marginal_prior_factor {
                               x.bias.acceleration - cast<S>(at.bias.acceleration)};
     for (int k = 0; k < 5; ++k) d[3 * k] = parts[k].x, d[3 * k + 1] = parts[k].y, d[3 * k + 2] = parts[k].z;
   }
+  /// Writes R d + e, without unit; always defined.
   template <class S, class = detail::this_target>
   TURBOMAP_HD bool residual(const inertial_state<S>& x, const row& r, S* e) const {
     S d[15];
@@ -52,6 +54,7 @@ struct marginal_prior_factor {
     }
     return true;
   }
+  /// The same with derivatives by the 15 unknowns of the state: 15 x 15, row by row.
   template <class = detail::this_target>
   TURBOMAP_HD bool linearise(const inertial_state<double>& x, const row& r, double* e, double* J) const {
     double d[15];
@@ -90,6 +93,7 @@ TURBOMAP_BEGIN_NAMESPACE
 /// others.
 class state_marginaliser {
  public:
+  /// No factors; the memory stays.
   void clear() { rows_.clear(); }
 
   /// A factor of the frame that leaves. \param weight  of its information, e.g. that of a robust kernel

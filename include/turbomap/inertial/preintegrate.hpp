@@ -27,8 +27,9 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class S, class Policy>
 class preintegrations {
  public:
-  using memory_type = memory_of_t<Policy>;
+  using memory_type = memory_of_t<Policy>;  ///< where the results stay
 
+  /// None. \param ctx  its resource gives the memory, and must outlive this
   explicit preintegrations(const context<Policy>& ctx) : inputs_(ctx.resource()), values_(ctx.resource()) {}
 
   /// In the memory of the policy, in the order of the intervals; work enqueued later in the same context may read them.
@@ -39,6 +40,7 @@ class preintegrations {
     copy_out(ctx.policy(), result.data(), values_.data(), result.size() * sizeof(preintegration<S>));
     ctx.synchronize();
   }
+  /// The same as a new list.
   std::vector<preintegration<S>> values(context<Policy>& ctx) const {
     std::vector<preintegration<S>> result;
     values(ctx, result);
@@ -47,7 +49,9 @@ class preintegrations {
 
   /// \name For preintegrate(), which fills them
   /// @{
+  /// Where the arguments of a call are sent.
   array<std::byte, memory_type>& inputs() { return inputs_; }
+  /// Room for the results; what was there is lost.
   preintegration<S>* make_room(std::size_t intervals) {
     values_.resize_discard(intervals);
     return values_.data();
@@ -78,6 +82,7 @@ struct preintegrate_one {
 
 }  // namespace detail
 
+/// Integrates each interval by one thread. O(samples of the longest interval) under a device.
 template <class Derived, class S>
 void launch_preintegrate(const thrust::execution_policy<Derived>& policy, int intervals,
                          const detail::preintegrate_one<S>& work) {

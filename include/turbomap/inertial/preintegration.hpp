@@ -25,19 +25,25 @@ template <class S>
 struct preintegration {
   S dt{0};           ///< s
   imu_bias<S> bias;  ///< at which it was integrated
+  /// Rotation from the second body frame to the first.
   mat3<S> dR{{S(1), S(0), S(0), S(0), S(1), S(0), S(0), S(0), S(1)}};
   vec3<S> dV{S(0), S(0), S(0)};  ///< m/s
   vec3<S> dP{S(0), S(0), S(0)};  ///< m
 
   /// \name Derivatives of rotation, velocity and position by the biases of gyroscope (g) and accelerometer (a)
   /// @{
+
+  /// Of dR, dV, dP (first letter) by the bias of g or a.
   mat3<S> J_Rg{}, J_Vg{}, J_Va{}, J_Pg{}, J_Pa{};
   /// @}
   /// \name Covariance of (rotation r in rad, velocity in m/s, position in m) by blocks, the lower half
   /// @{
+
+  /// Covariance of the first letter's part with the second's.
   mat3<S> C_RR{}, C_VR{}, C_VV{}, C_PR{}, C_PV{}, C_PP{};
   /// @}
-  S gyro_walk{0}, acceleration_walk{0};  ///< variance by which each element of a bias walks meanwhile
+  S gyro_walk{0};          ///< variance by which each element of the gyroscope's bias walks meanwhile, (rad/s)^2
+  S acceleration_walk{0};  ///< in the same way of the accelerometer's, (m/s^2)^2
 
   /// The covariance as one symmetric 15x15 matrix: rotation, velocity, position, walk of the gyroscope's bias, of the
   /// accelerometer's.
@@ -58,7 +64,7 @@ template <class S>
 struct inertial_state {
   rigid_transform<S> T_cw;  ///< world to the frame in which visual residuals are, e.g. that of the left camera
   vec3<S> velocity{S(0), S(0), S(0)};  ///< of the IMU in the world, m/s
-  imu_bias<S> bias;
+  imu_bias<S> bias;                    ///< rad/s, m/s^2
 };
 
 }  // namespace turbomap

@@ -16,8 +16,8 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// From the old world to the new one: x' = scale R x. The origin stays.
 struct world_alignment {
-  mat3<double> R{{1, 0, 0, 0, 1, 0, 0, 0, 1}};
-  double scale = 1;
+  mat3<double> R{{1, 0, 0, 0, 1, 0, 0, 0, 1}};  ///< old world to new one
+  double scale = 1;                             ///< new metres per unit of the old world
 };
 
 /// The alignment that an initialisation asks for: the shortest turn that takes gravity to -z.
@@ -35,6 +35,7 @@ inline world_alignment alignment_of(const initialisation& found) {
   return a;
 }
 
+/// A point of the old world in the new one, m.
 inline vec3<double> aligned_point(const world_alignment& a, const vec3<double>& x) { return a.scale * (a.R * x); }
 
 /// \param T_cw  its unit of length is that of the old world

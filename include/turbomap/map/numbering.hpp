@@ -27,7 +27,7 @@ struct has_map_index<Map, Name, std::void_t<map_index_result<Map, Name>>> : std:
 }  // namespace detail
 
 /// Numbers of one kind of name: 0, 1, 2 ... in the order in which they are first asked for.
-/// \tparam Name  map_traits<Map>::keyframe or ::point
+/// \tparam Name  map_traits<Map>::keyframe or map_traits<Map>::point
 template <class Map, class Name>
 class numbering {
  public:

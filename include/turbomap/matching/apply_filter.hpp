@@ -26,6 +26,7 @@ struct drop_matches {
 
 }  // namespace detail
 
+/// Drops every match for which `filter` returns false, by one thread each.
 template <class Derived, class Descriptor, class Camera, class Filter>
 void launch_drop_matches(const thrust::execution_policy<Derived>& policy, const search_view<Descriptor, Camera>& search,
                          const Filter& filter) {

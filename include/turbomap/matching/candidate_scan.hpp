@@ -18,8 +18,9 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Descriptor, class Camera>
 class candidate_scan {
  public:
-  using distance_type = typename Descriptor::distance_type;
+  using distance_type = typename Descriptor::distance_type;  ///< of descriptors
 
+  /// No candidate yet. \param search  must outlive this
   TURBOMAP_HD candidate_scan(const search_view<Descriptor, Camera>& search, int neighbour, int query_keypoint)
       : search_(search),
         query_(search.query()),
@@ -35,7 +36,9 @@ class candidate_scan {
     best_distance_ = best_distance;
   }
 
+  /// Distance of the best candidate; the largest allowed where there is none.
   TURBOMAP_HD distance_type best_distance() const { return best_distance_; }
+  /// The best candidate, a keypoint of the neighbour; no_match: none.
   TURBOMAP_HD std::int32_t best() const { return best_; }
 
   /// Takes the candidate if its distance `d` wins and the pair is consistent.

@@ -123,10 +123,11 @@ TURBOMAP_HD creation_outcome create_from_pair(const pair_view<Camera>& a, const 
 /// Index = result of the search: triangulates or back-projects one match and tests the point.
 template <class Descriptor, class Camera>
 struct create_point {
-  search_view<Descriptor, Camera> search;
-  creation_options options;
-  created_point* points;  ///< [neighbour][slot]; written where there is a match
+  search_view<Descriptor, Camera> search;  ///< the matches
+  creation_options options;                ///< thresholds
+  created_point* points;                   ///< [neighbour][slot]; written where there is a match
 
+  /// Makes the point of one match.
   TURBOMAP_HD void operator()(int i) const {
     if (search.match[i] == no_match) return;
     created_point p{};

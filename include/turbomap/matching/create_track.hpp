@@ -52,12 +52,14 @@ struct one_worker {
 /// Index = track. \tparam Workers  who share a track; all hold the same values and take the same way
 template <class Descriptor, class Camera, class Workers = detail::one_worker>
 struct create_track {
-  track_creation_view<Descriptor, Camera> tracks;
+  track_creation_view<Descriptor, Camera> tracks;  ///< the tracks
 
+  /// Makes the point of track t by one thread.
   TURBOMAP_HD void operator()(int t) const {
     detail::view_fit fit;
     make(t, {&fit});
   }
+  /// Makes the point of track t by several workers who share its views.
   TURBOMAP_HD void make(int t, const Workers& workers) const {
     created_track p{};
     p.method = creation_method::none;

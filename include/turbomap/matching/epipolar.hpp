@@ -19,13 +19,15 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// Camera a of the query keyframe against camera b of a neighbour.
 struct pair_geometry {
-  isometry<decision> T_ba;       ///< camera a to camera b
-  pinhole<double> K_a, K_b;      ///< valid where `straight`
-  bool straight;                 ///< both images are rectilinear: epipolar curves are lines in pixels
-  bool guard_epipole;            ///< candidates near the epipole are refused (both keypoints without u_right)
-  vec2<decision> epipole;        ///< of a in b, px; valid where guard_epipole
-  vec3<float> baseline;          ///< unit vector from the centre of b to that of a, in b; 0 where there is none
-  vec3<float> plane_x, plane_y;  ///< with `baseline` an orthonormal frame: angles of epipolar planes are measured in it
+  isometry<decision> T_ba;  ///< camera a to camera b
+  pinhole<double> K_a;      ///< of camera a, px; valid where `straight`
+  pinhole<double> K_b;      ///< of camera b, px; valid where `straight`
+  bool straight;            ///< both images are rectilinear: epipolar curves are lines in pixels
+  bool guard_epipole;       ///< candidates near the epipole are refused (both keypoints without u_right)
+  vec2<decision> epipole;   ///< of a in b, px; valid where guard_epipole
+  vec3<float> baseline;     ///< unit vector from the centre of b to that of a, in b; 0 where there is none
+  vec3<float> plane_x;      ///< with `baseline` and plane_y an orthonormal frame:
+  vec3<float> plane_y;      ///< angles of epipolar planes are measured from plane_x to plane_y
 };
 
 /// A pose that maps world to camera k of a rig.
@@ -76,10 +78,14 @@ TURBOMAP_HD pair_geometry make_pair_geometry(const rig_camera<Camera>& a, const 
 
 /// What the test needs of a query keypoint for one pair: its epipolar line in b (straight images), or its ray.
 struct query_epipolar {
-  decision line_a, line_b, line_c, squared_norm;  ///< straight: line in pixels, line_a^2 + line_b^2
-  vec3<decision> ray;                             ///< curved: unit bearing in a
+  decision line_a;        ///< straight: the line a u + b v + c = 0 in b, u and v in px
+  decision line_b;        ///< see line_a
+  decision line_c;        ///< see line_a
+  decision squared_norm;  ///< straight: line_a^2 + line_b^2
+  vec3<decision> ray;     ///< curved: unit bearing in a
 };
 
+/// The line or the ray of one query keypoint.
 template <class Descriptor, class Camera>
 TURBOMAP_HD query_epipolar make_query_epipolar(const pair_geometry& g, const keyframe_view<Descriptor, Camera>& query,
                                                int keypoint) {

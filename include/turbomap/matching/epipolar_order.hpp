@@ -28,7 +28,7 @@ struct epipolar_order_layout {
   static constexpr float typical = 4;
   static constexpr float widest = 1.0F / 3;  ///< but not beyond, rad
   static constexpr float slack = 3e-4F;      ///< rad, added to every half-width
-  static constexpr float pi = 3.14159265F;
+  static constexpr float pi = 3.14159265F;   ///< half a turn, rad
 
   static constexpr int bucket_count = 1024;  ///< over the full circle
   /// All buckets, and one more for the candidates of every query.
@@ -63,10 +63,14 @@ struct plane_interval {
 
 /// Rays of keypoints, measured together. Places behind the last are read, so they hold numbers.
 struct ray_batch {
-  static constexpr int size = 64;
+  static constexpr int size = 64;  ///< rays in a batch
+  /// @{
+  /// Coordinates of each ray, in the frame of its camera.
   float x[size] = {}, y[size] = {}, z[size] = {};
+  /// @}
   float spread[size] = {};  ///< plane_measure::spread()
 
+  /// Sets ray i (not checked).
   void set(int i, const vec3<float>& ray, float ray_spread) {
     x[i] = ray.x, y[i] = ray.y, z[i] = ray.z, spread[i] = ray_spread;
   }
@@ -163,12 +167,13 @@ class plane_measure {
 
 /// The sorted candidates of one (neighbour, query camera, neighbour camera).
 struct epipolar_table {
-  using layout = epipolar_order_layout;
+  using layout = epipolar_order_layout;  ///< sizes
 
   std::int32_t* offsets;     ///< total_buckets() + 1
   std::int32_t* candidates;  ///< by bucket; within a bucket in no particular order
   float* sorted_width;       ///< half-width up to which candidates are sorted, rad
 
+  /// The bucket of an angle in [0, 2 pi).
   static int bucket_of(float angle) {
     constexpr int n = layout::bucket_count;
     const int bucket = static_cast<int>(angle * (static_cast<float>(n) / (2 * layout::pi)));
@@ -200,11 +205,15 @@ struct epipolar_table {
     offsets[0] = 0;
   }
 
+  /// Whether no candidate is in the table.
   bool empty() const { return offsets[layout::total_buckets()] == 0; }
 
   /// Ranges [first, last) of `candidates`: the second is often empty.
   struct window {
+    /// @{
+    /// Of both ranges.
     std::int32_t first[2], last[2];
+    /// @}
   };
   /// Every candidate whose interval meets `q`, and others. Without a branch that depends on `q`, so that windows of many
   /// queries can be read at once.

@@ -18,11 +18,12 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Index i + first = neighbour * slot_count + slot. Compares with every keypoint without a map point.
 template <class Descriptor, class Camera>
 struct exhaustive_search {
-  static constexpr int part_size = 256;
+  static constexpr int part_size = 256;  ///< results per launch of a search that can be stopped between launches
 
-  search_view<Descriptor, Camera> search;
-  int first = 0;
+  search_view<Descriptor, Camera> search;  ///< what is read and written
+  int first = 0;                           ///< added to every index
 
+  /// Searches for one result.
   TURBOMAP_HD void operator()(int i) const {
     i += first;
     const int n = i / search.slot_count, keypoint = search.queries[i % search.slot_count];

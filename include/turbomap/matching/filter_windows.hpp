@@ -19,6 +19,7 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Descriptor, class Camera, sorted_side Side>
 class filter_windows {
  public:
+  /// \param tables  built before; their arrays must outlive this
   explicit filter_windows(const ordered_tables<Descriptor, Camera, Side>& tables) : tables_(tables) {}
 
   /// Whether any keypoint of this side that can be consistent with `keypoint` of the other one satisfies the predicate.

@@ -88,11 +88,13 @@ struct look_up_neighbour_groups {
 
 }  // namespace detail
 
+/// Looks up the group of each query slot, by one thread each.
 template <class Derived, class Descriptor, class Camera>
 void launch_look_up_query_groups(const thrust::execution_policy<Derived>& policy,
                                  const search_view<Descriptor, Camera>& search, const group_lookup& lookup) {
   for_each_index(derived(policy), search.slot_count, detail::look_up_query_groups<Descriptor, Camera>{search, lookup});
 }
+/// Looks up the group of each keypoint of the neighbours, by one thread each.
 template <class Derived, class Descriptor, class Camera>
 void launch_look_up_neighbour_groups(const thrust::execution_policy<Derived>& policy,
                                      const search_view<Descriptor, Camera>& search, const group_lookup& lookup,

@@ -44,8 +44,8 @@ struct clear_match {
 /// map points, in no order that a processor could predict.
 struct group_block {
   static constexpr int size = 64;  ///< members looked at once; a group of any size is several blocks
-  std::int32_t keypoints[size];
-  int count = 0;
+  std::int32_t keypoints[size];    ///< the members
+  int count = 0;                   ///< how many there are
 
   /// Collects members of [at, end) for which free(keypoint) holds; returns where to go on.
   template <class Free>
@@ -65,10 +65,11 @@ struct group_block {
 /// keypoints of the same word. Every element of `match` must hold no_match before, and of `distance` max_distance.
 template <class Descriptor, class Camera>
 struct grouped_search {
-  search_view<Descriptor, Camera> search;
-  const std::int32_t* slot_of_query;  ///< keypoint -> slot, or -1 where it holds a map point
-  int query_groups;
+  search_view<Descriptor, Camera> search;  ///< what is read and written
+  const std::int32_t* slot_of_query;       ///< keypoint -> slot, or -1 where it holds a map point
+  int query_groups;                        ///< groups of the query
 
+  /// Searches for the results of one group.
   TURBOMAP_HD void operator()(int i) const {
     const int n = i / query_groups, group = i % query_groups;
     const auto& mine = search.query().groups;

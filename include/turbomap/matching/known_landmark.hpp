@@ -19,8 +19,9 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Looks for a point of the map that keypoints beside the views of a track see.
 template <class Descriptor, class Camera>
 struct known_landmark {
-  const track_creation_view<Descriptor, Camera>& tracks;
+  const track_creation_view<Descriptor, Camera>& tracks;  ///< tracks, and the map points that keyframes see
 
+  /// Whether options.known_views keypoints beside the track's views see one point of the map.
   /// \param begin, end     the views of the track
   /// \param first, stride  begins at every stride-th of them only: several workers share them
   TURBOMAP_HD bool operator()(int begin, int end, int first, int stride) const {

@@ -54,6 +54,7 @@ struct make_claims {
 
 }  // namespace detail
 
+/// Every match claims its neighbour keypoint.
 template <class Derived, class Descriptor, class Camera>
 void launch_make_claims(const thrust::execution_policy<Derived>& policy, const search_view<Descriptor, Camera>& search,
                         const detail::keep_winner& winner) {
@@ -61,6 +62,7 @@ void launch_make_claims(const thrust::execution_policy<Derived>& policy, const s
                  detail::make_claims<Descriptor, Camera>{search, winner});
 }
 
+/// Keeps one match per neighbour keypoint. O(results of the search).
 template <class Descriptor, class Camera, class Policy>
 void apply_filter(context<Policy>& ctx, correspondences<Descriptor, Camera, Policy>& matches, const one_to_one&) {
   const std::size_t keypoints = matches.neighbour_keypoint_count();

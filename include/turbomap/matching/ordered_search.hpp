@@ -19,12 +19,13 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Index = neighbour * chunks + chunk of query slots.
 template <class Descriptor, class Camera>
 struct ordered_search {
-  static constexpr int chunk_size = 64;
+  static constexpr int chunk_size = 64;  ///< query slots that one thread takes one after the other
 
-  ordered_tables<Descriptor, Camera> tables;
-  int chunks;
-  std::atomic<bool>* stopped;  ///< set once the user's flag was seen, which may be cleared again
+  ordered_tables<Descriptor, Camera> tables;  ///< the candidates in epipolar order
+  int chunks;                                 ///< chunks per neighbour
+  std::atomic<bool>* stopped;                 ///< set once the user's flag was seen, which may be cleared again
 
+  /// Searches for one chunk.
   void operator()(int i) const {
     const auto& search = tables.search;
     const int n = i / chunks, first = i % chunks * chunk_size;

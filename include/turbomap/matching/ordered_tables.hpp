@@ -27,18 +27,20 @@ enum class sorted_side { candidates, queries };
 /// total_buckets() + 1 offsets, and as many keypoints and keys as its side has. Host only.
 template <class Descriptor, class Camera, sorted_side Side = sorted_side::candidates>
 struct ordered_tables {
-  static constexpr bool of_candidates = Side == sorted_side::candidates;
+  static constexpr bool of_candidates =
+      Side == sorted_side::candidates;  ///< whether candidates are sorted, not queries
 
-  search_view<Descriptor, Camera> search;
-  std::int32_t* offsets;
-  std::int32_t* sorted;
-  float* sorted_width;
-  std::int32_t* keypoints;  ///< those of the camera, before sorting
-  plane_interval* intervals;
-  std::int32_t* keys;
+  search_view<Descriptor, Camera> search;  ///< keyframes and pairs
+  std::int32_t* offsets;                   ///< of each table, total_buckets() + 1
+  std::int32_t* sorted;                    ///< keypoints by bucket, one table after the other
+  float* sorted_width;                     ///< of each table, rad
+  std::int32_t* keypoints;                 ///< those of the camera, before sorting
+  plane_interval* intervals;               ///< of each keypoint, before sorting
+  std::int32_t* keys;                      ///< buckets, before sorting
   /// Of `sorted`, in its order, each table by itself. Null: not copied.
   typename Descriptor::element* descriptors;
 
+  /// One table.
   epipolar_table view(int n, int a, int b) const {
     const std::int64_t table = number(n, a, b);
     return {offsets + table * (epipolar_order_layout::total_buckets() + 1), sorted + first(n, a, b),
@@ -63,11 +65,13 @@ struct ordered_tables {
     return plane_measure::ray(g, std::sqrt(search.options.reprojection_chi2), search.query().cameras[a].resolution)
         .turned(g.T_ba.R);
   }
+  /// The plane interval of a candidate of neighbour n.
   plane_interval candidate_interval(const plane_measure& measure, int n, std::int32_t keypoint) const {
     const auto& neighbour = search.neighbour(n);
     const vec3<float>& ray = neighbour.bearing[keypoint];
     return measure(ray, measure.spread(ray.z, search.scale[neighbour.octave[keypoint]]));
   }
+  /// The plane interval of a query keypoint.
   plane_interval query_interval(const plane_measure& measure, std::int32_t keypoint) const {
     const vec3<float>& ray = search.query().bearing[keypoint];
     return measure(ray, measure.spread(ray.z, search.scale[search.query().octave[keypoint]]));
@@ -97,8 +101,9 @@ struct ordered_tables {
 /// Index = table (n, a, b).
 template <class Descriptor, class Camera, sorted_side Side>
 struct build_ordered_table {
-  ordered_tables<Descriptor, Camera, Side> tables;
+  ordered_tables<Descriptor, Camera, Side> tables;  ///< where it is built
 
+  /// Builds table i.
   void operator()(int i) const {
     const auto& search = tables.search;
     const int b = i % search.neighbour_cameras, a = i / search.neighbour_cameras % search.query_cameras;

@@ -33,16 +33,16 @@ struct placed_view {
 /// The tracks of one call in the memory of the policy.
 template <class Descriptor, class Camera>
 struct track_creation_view {
-  search_view<Descriptor, Camera> search;
-  creation_options options;
-  const std::int32_t* offsets;           ///< track_count + 1
-  const track_view* views;               ///< of all tracks
+  search_view<Descriptor, Camera> search;  ///< keyframes and cameras
+  creation_options options;                ///< thresholds
+  const std::int32_t* offsets;             ///< track_count + 1
+  const track_view* views;                 ///< of all tracks
   const std::int32_t* map_points;        ///< number of the map point at each keypoint of all keyframes, -1: none; null:
                                          ///< nobody knows
   const std::int32_t* map_point_offset;  ///< of each keyframe
-  int track_count;
-  int view_count;
-  int cameras;                            ///< the most of any keyframe
+  int track_count;                       ///< tracks
+  int view_count;                        ///< views of all tracks
+  int cameras;                           ///< the most of any keyframe
   detail::placed_camera* placed_cameras;  ///< [keyframe][camera]
   detail::placed_view* placed_views;      ///< of each view
   std::uint8_t* kept;                     ///< of each view: whether its track's point is seen there
@@ -52,8 +52,9 @@ struct track_creation_view {
 /// Index = keyframe * cameras + camera.
 template <class Descriptor, class Camera>
 struct place_camera {
-  track_creation_view<Descriptor, Camera> tracks;
+  track_creation_view<Descriptor, Camera> tracks;  ///< what is read and written
 
+  /// Places camera i.
   TURBOMAP_HD void operator()(int i) const {
     const int k = i / tracks.cameras, c = i % tracks.cameras;
     const auto& keyframe = tracks.search.keyframes[k];
@@ -66,8 +67,9 @@ struct place_camera {
 /// Index = view.
 template <class Descriptor, class Camera>
 struct place_view {
-  track_creation_view<Descriptor, Camera> tracks;
+  track_creation_view<Descriptor, Camera> tracks;  ///< what is read and written
 
+  /// Measures view i, and takes it for kept.
   TURBOMAP_HD void operator()(int i) const {
     const track_view& v = tracks.views[i];
     const auto& keyframe = tracks.search.keyframes[v.keyframe];

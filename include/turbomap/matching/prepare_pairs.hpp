@@ -14,8 +14,9 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Index = pair, (neighbour, query camera, neighbour camera).
 template <class Descriptor, class Camera>
 struct prepare_pair {
-  search_view<Descriptor, Camera> search;
+  search_view<Descriptor, Camera> search;  ///< what is read and written
 
+  /// The geometry of pair i.
   TURBOMAP_HD void operator()(int i) const {
     const int b = i % search.neighbour_cameras, a = i / search.neighbour_cameras % search.query_cameras;
     const int n = i / (search.neighbour_cameras * search.query_cameras);
@@ -29,6 +30,7 @@ struct prepare_pair {
   }
 };
 
+/// The geometry of every pair, by one thread each.
 template <class Derived, class Descriptor, class Camera>
 void launch_prepare_pairs(const thrust::execution_policy<Derived>& policy,
                           const search_view<Descriptor, Camera>& search) {

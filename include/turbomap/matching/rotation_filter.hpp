@@ -70,6 +70,7 @@ struct count_rotations {
 
 }  // namespace detail
 
+/// Counts the change of orientation of every match.
 template <class Derived, class Descriptor, class Camera>
 void launch_count_rotations(const thrust::execution_policy<Derived>& policy,
                             const search_view<Descriptor, Camera>& search, const detail::keep_rotation& bins) {
@@ -77,6 +78,7 @@ void launch_count_rotations(const thrust::execution_policy<Derived>& policy,
                  detail::count_rotations<Descriptor, Camera>{search, bins});
 }
 
+/// Throws std::invalid_argument as apply_filter() does.
 template <class Matches>
 void check_filter(const Matches& matches, const rotation_histogram& filter) {
   require(filter.bins >= 1, "rotation_histogram.bins", filter.bins, "must be at least 1");

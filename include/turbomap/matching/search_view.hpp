@@ -21,7 +21,7 @@ inline constexpr std::int32_t no_match = -1;
 /// no map point; results are [neighbour][slot].
 template <class Descriptor, class Camera>
 struct search_view {
-  using distance_type = typename Descriptor::distance_type;
+  using distance_type = typename Descriptor::distance_type;  ///< of descriptors
 
   const keyframe_view<Descriptor, Camera>* keyframes;  ///< 1 + neighbour_count
   const rigid_transform<double>* T_cw;                 ///< 1 + neighbour_count
@@ -35,20 +35,23 @@ struct search_view {
   pair_geometry* pairs;                                ///< [neighbour][query camera][neighbour camera]
   std::int32_t* match;                                 ///< [neighbour][slot]: candidate keypoint or no_match
   distance_type* distance;                             ///< [neighbour][slot]: its descriptor distance
-  int neighbour_count;
-  int slot_count;
-  int query_cameras;
-  int neighbour_cameras;  ///< the most of any neighbour
-  int own_neighbour;      ///< the number under which the query is its own neighbour; -1: it is not
-  distance_type max_distance;
-  search_options options;
+  int neighbour_count;                                 ///< neighbours
+  int slot_count;                                      ///< query keypoints without a map point
+  int query_cameras;                                   ///< cameras of the query's rig
+  int neighbour_cameras;                               ///< the most of any neighbour
+  int own_neighbour;           ///< the number under which the query is its own neighbour; -1: it is not
+  distance_type max_distance;  ///< largest distance of a match
+  search_options options;      ///< thresholds
 
+  /// The keyframe whose keypoints are searched for.
   TURBOMAP_HD const keyframe_view<Descriptor, Camera>& query() const { return keyframes[0]; }
+  /// Neighbour n (not checked).
   TURBOMAP_HD const keyframe_view<Descriptor, Camera>& neighbour(int n) const { return keyframes[1 + n]; }
   /// Whether two cameras are compared: of the query with itself, different ones only.
   TURBOMAP_HD bool compares(int n, int query_camera, int neighbour_camera) const {
     return n != own_neighbour || query_camera != neighbour_camera;
   }
+  /// The geometry of a query camera and a neighbour camera.
   TURBOMAP_HD pair_geometry& pair(int n, int query_camera, int neighbour_camera) const {
     return pairs[(n * query_cameras + query_camera) * neighbour_cameras + neighbour_camera];
   }

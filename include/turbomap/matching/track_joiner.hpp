@@ -24,7 +24,7 @@ namespace turbomap {
 struct track_view {
   std::int32_t keyframe;  ///< 0: the query; 1 + n: neighbour n
   std::int32_t camera;    ///< of the keyframe's rig
-  std::int32_t keypoint;
+  std::int32_t keypoint;  ///< keypoint index, within the keyframe
 };
 
 /// What became of a match.
@@ -39,12 +39,14 @@ struct track_list {
   plain_vector<track_view> views;        ///< of a track by (keyframe, camera): the query's first
   plain_vector<match_outcome> outcomes;  ///< of each match
 
+  /// Number of tracks.
   std::size_t size() const { return offsets.empty() ? 0 : offsets.size() - 1; }
 };
 
 /// The cameras that the keypoints of a match are of.
 struct match_cameras {
-  std::uint8_t query, neighbour;
+  std::uint8_t query;      ///< of the query's rig
+  std::uint8_t neighbour;  ///< of the neighbour's rig
 };
 
 }  // namespace turbomap

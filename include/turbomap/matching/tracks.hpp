@@ -24,9 +24,10 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Index = result of the search: the cameras that its two keypoints are of.
 template <class Descriptor, class Camera>
 struct look_up_cameras {
-  search_view<Descriptor, Camera> search;
-  match_cameras* cameras;
+  search_view<Descriptor, Camera> search;  ///< the matches
+  match_cameras* cameras;                  ///< one per result of the search
 
+  /// Looks up one result, if it is a match.
   TURBOMAP_HD void operator()(int i) const {
     if (search.match[i] == no_match) return;
     const int query = search.queries[i % search.slot_count];
@@ -47,9 +48,10 @@ void launch_look_up_cameras(const thrust::execution_policy<Derived>& policy,
 template <class Descriptor, class Camera, class Policy>
 class match_tracks {
  public:
-  using matches_type = correspondences<Descriptor, Camera, Policy>;
-  using list_type = plain_vector<typename matches_type::plan_type::value_type>;
+  using matches_type = correspondences<Descriptor, Camera, Policy>;              ///< the correspondences of a search
+  using list_type = plain_vector<typename matches_type::plan_type::value_type>;  ///< matches on the host
 
+  /// No tracks. \param ctx  its resource gives the memory, and must outlive this
   explicit match_tracks(const context<Policy>& ctx) : cameras_(ctx.resource()) {}
 
   /// See join_tracks().
@@ -62,6 +64,7 @@ class match_tracks {
     join_(plan_, match_cameras_, search.own_neighbour, tracks_);
   }
 
+  /// The tracks of the last join().
   const track_list& tracks() const { return tracks_; }
   /// The matches that were joined, in (neighbour, query keypoint) order: tracks().outcomes says what became of each.
   const list_type& plan() const { return plan_; }

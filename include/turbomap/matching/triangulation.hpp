@@ -19,7 +19,10 @@ TURBOMAP_BEGIN_NAMESPACE
 /// A symmetric 4x4 matrix: its upper triangle, row by row.
 template <class S>
 struct symmetric4 {
+  /// @{
+  /// Element of this row and column.
   S m00, m01, m02, m03, m11, m12, m13, m22, m23, m33;
+  /// @}
 };
 
 /// Adds a^T a for a row a.

@@ -22,15 +22,16 @@ TURBOMAP_BEGIN_NAMESPACE
 /// One descriptor after the other.
 template <class Descriptor>
 struct window_descriptors {
-  using element = typename Descriptor::element;
-  using distance_type = typename Descriptor::distance_type;
+  using element = typename Descriptor::element;              ///< of a descriptor
+  using distance_type = typename Descriptor::distance_type;  ///< of descriptors
 
   /// Elements of memory for so many candidates.
   static constexpr std::size_t room(std::size_t candidates) { return candidates * Descriptor::elements; }
 
-  element* data;
+  element* data;         ///< not owned: room(capacity) elements
   std::size_t capacity;  ///< candidates
 
+  /// Writes the descriptor of candidate k (not checked).
   void set(std::size_t k, const element* descriptor) const {
     std::memcpy(data + k * Descriptor::elements, descriptor, Descriptor::bytes);
   }
