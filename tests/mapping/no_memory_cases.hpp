@@ -4,8 +4,8 @@
 
 /// \file
 /// Keyframes of a small scene are inserted and mapped while the n-th allocation fails, for every n: an exception, a sound map, a
-/// store as it was, nothing pinned, and the next call does the work. Which allocations fail, of the host or of a device, is the
-/// test's affair.
+/// store as it was, nothing pinned, and the next call does the work. Which allocations fail, of the host or of a device, or which
+/// other calls, is the test's affair.
 
 #include "local_mapper_cases.hpp"
 #include "support/fail_everywhere.hpp"
@@ -29,12 +29,13 @@ inline turbomap::keyframe_store_options store_of_failures() {
 }
 
 struct failures_met {
-  int inserting = 0, processing = 0;  ///< allocations that failed in insert(), in process()
+  int inserting = 0, processing = 0;  ///< calls that failed in insert(), in process()
   std::size_t adjusted = 0;           ///< keyframes whose adjustment took a step
 };
 
 /// \param Failure  made with n: the n-th allocation from then on fails, until it is destroyed
-template <class Failure, class Run>
+/// \tparam Error   what is thrown then
+template <class Failure, class Error = std::bad_alloc, class Run>
 failures_met map_with_failures(Run& run, const mapping_scene<pinhole_camera>& scene, int keyframes) {
   using turbomap::stage_outcome;
   failures_met met;
@@ -45,19 +46,19 @@ failures_met map_with_failures(Run& run, const mapping_scene<pinhole_camera>& sc
     const auto& view = run.view(run.keyframes().size() - 1);
     const std::size_t stored = run.store.size();
     const auto data = scene.data<turbomap::binary_descriptor<256>>(view);
-    met.inserting += fail_everywhere<Failure>([&] { run.mapper.insert(k, data); },
-                                              [&] {
-                                                REQUIRE(run.store.size() == stored);
-                                                REQUIRE(run.mapper.stored().size() == stored);
-                                              });
+    met.inserting += fail_everywhere<Failure, Error>([&] { run.mapper.insert(k, data); },
+                                                     [&] {
+                                                       REQUIRE(run.store.size() == stored);
+                                                       REQUIRE(run.mapper.stored().size() == stored);
+                                                     });
     REQUIRE(run.store.size() == stored + 1);
     run.associate(k, view);
-    met.processing += fail_everywhere<Failure>([&] { run.mapper.process(k); },
-                                               [&] {
-                                                 REQUIRE(turbomap::validate(run.map).empty());
-                                                 REQUIRE(run.store.size() == run.mapper.stored().size());
-                                                 REQUIRE(run.store.statistics().pinned_sets == 0);
-                                               });
+    met.processing += fail_everywhere<Failure, Error>([&] { run.mapper.process(k); },
+                                                      [&] {
+                                                        REQUIRE(turbomap::validate(run.map).empty());
+                                                        REQUIRE(run.store.size() == run.mapper.stored().size());
+                                                        REQUIRE(run.store.statistics().pinned_sets == 0);
+                                                      });
     const auto& report = run.mapper.report();
     for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) CHECK(report.outcome.values[s] == stage_outcome::done);
     CHECK(report.refused.empty());

@@ -21,10 +21,21 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Throws device_error naming the operation when a call of the CUDA run-time did not succeed.
+/// Throws device_error naming the operation when a call of the CUDA run-time did not succeed. The error is answered by that:
+/// it does not surface again at somebody else's next launch, unless the device is lost.
 inline void check_cuda(cudaError_t status, const char* operation) {
   if (status == cudaSuccess) return;
+  cudaGetLastError();
   throw device_error(std::string("turbomap: ") + operation + ": " + cudaGetErrorString(status));
+}
+/// The same of an allocation: out_of_memory where there is none left. A device that is lost has none to give either, but that
+/// is a device_error: callers answer out_of_memory with less work.
+inline void check_allocation(cudaError_t status, const char* where, std::size_t bytes) {
+  if (status == cudaErrorMemoryAllocation) {
+    cudaGetLastError();
+    throw out_of_memory(where, bytes);
+  }
+  check_cuda(status, "allocation");
 }
 
 /// The stream of a CUDA policy: the only use of a Thrust internal, kept in one place.
@@ -33,14 +44,11 @@ cudaStream_t stream_of(const thrust::cuda_cub::execution_policy<Derived>& policy
   return thrust::cuda_cub::stream(const_cast<thrust::cuda_cub::execution_policy<Derived>&>(policy));
 }
 
-/// cudaMalloc. Throws out_of_memory.
+/// cudaMalloc. Throws out_of_memory; device_error when the device has failed.
 class cuda_device_resource : public std::pmr::memory_resource {
   void* do_allocate(std::size_t bytes, std::size_t) override {
     void* memory = nullptr;
-    if (cudaMalloc(&memory, bytes) != cudaSuccess) {
-      cudaGetLastError();  // the error is answered here: it must not surface at the next launch
-      throw out_of_memory("device", bytes);
-    }
+    check_allocation(cudaMalloc(&memory, bytes), "device", bytes);
     return memory;
   }
   void do_deallocate(void* memory, std::size_t, std::size_t) override { cudaFree(memory); }
@@ -49,14 +57,11 @@ class cuda_device_resource : public std::pmr::memory_resource {
   }
 };
 
-/// cudaMallocHost: page-locked, so that copies run at full rate and asynchronously. Throws out_of_memory.
+/// cudaMallocHost: page-locked, so that copies run at full rate and asynchronously. Throws as cuda_device_resource.
 class cuda_pinned_resource : public std::pmr::memory_resource {
   void* do_allocate(std::size_t bytes, std::size_t) override {
     void* memory = nullptr;
-    if (cudaMallocHost(&memory, bytes) != cudaSuccess) {
-      cudaGetLastError();
-      throw out_of_memory("pinned host", bytes);
-    }
+    check_allocation(cudaMallocHost(&memory, bytes), "pinned host", bytes);
     return memory;
   }
   void do_deallocate(void* memory, std::size_t, std::size_t) override { cudaFreeHost(memory); }
