@@ -132,7 +132,7 @@ inline oracle_preintegration oracle_of(const imu_motion& m, const imu_interval& 
 
 /// Every interval is what the oracle makes of it.
 template <class S, class Policy>
-void check_against_oracle(const Policy& policy, double tolerance) {
+void check_against_oracle(const Policy& policy, [[maybe_unused]] double tolerance) {
   using turbomap::integration_rule;
   for (const auto rule : {integration_rule::midpoint, integration_rule::first_order}) {
     CAPTURE(static_cast<int>(rule));
