@@ -28,11 +28,15 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// A team of one thread. Members of a team compute the same but for the loops over observations, which they share.
 struct team_of_one {
+  /// @{
+  /// Number of this member; number of members; the most numbers that are summed at once.
   static constexpr int rank = 0, size = 1, most = 28;
+  /// @}
+  /// What the members share.
   struct memory {
-    double total[2][most];
+    double total[2][most];  ///< by place
   };
-  memory& sums;
+  memory& sums;  ///< where sums are kept
 
   /// The sums of numbers over the members, kept until the next ones at this place. \param place  0 or 1
   template <int N>
@@ -56,24 +60,26 @@ struct team_of_one {
 /// Index = frame. \tparam Exact  points are: `covariance` and `spread` are not read
 template <class Camera, bool Exact>
 struct adjust_one_pose {
-  const adjustment_camera<Camera>* cameras;
-  const rigid_transform<double>* guess;
-  const std::int32_t* begin;
-  const vec3<double>* point;
-  const vec3<double>* pixel;
-  const double* information;
-  const std::uint8_t* camera;          ///< null: the first
-  const point_covariance* covariance;  ///< [observation] of its point
-  motion_only_options options;
-  posed_frame* result;
-  std::uint8_t* outlier;       ///< [observation]
-  symmetric3<double>* spread;  ///< [observation] see weigh()
+  const adjustment_camera<Camera>* cameras;  ///< of the rig
+  const rigid_transform<double>* guess;      ///< [frame] where it begins, T_cw
+  const std::int32_t* begin;                 ///< [frame + 1] first observation
+  const vec3<double>* point;                 ///< [observation] world, m
+  const vec3<double>* pixel;                 ///< [observation] u, v, u_right, px
+  const double* information;                 ///< [observation] 1 / sigma^2, px^-2
+  const std::uint8_t* camera;                ///< null: the first
+  const point_covariance* covariance;        ///< [observation] of its point
+  motion_only_options options;               ///< thresholds and rounds
+  posed_frame* result;                       ///< [frame]
+  std::uint8_t* outlier;                     ///< [observation]
+  symmetric3<double>* spread;                ///< [observation] see weigh()
 
+  /// Frame f by one thread.
   TURBOMAP_HD void operator()(int f) const {
     team_of_one::memory memory;
     run(f, team_of_one{memory});
   }
 
+  /// Frame f by a team; every member calls this.
   template <class Team>
   TURBOMAP_HD void run(int f, const Team& team) const {
     posed_frame r{guess[f], 0, 0, 0};
@@ -251,6 +257,7 @@ struct adjust_one_pose {
   }
 };
 
+/// The poses of all frames.
 template <class Derived, class Camera, bool Exact>
 void launch_adjust_poses(const thrust::execution_policy<Derived>& policy, int frames,
                          const adjust_one_pose<Camera, Exact>& work) {

@@ -40,7 +40,7 @@ inline void unite(span<const std::int32_t> a, span<const std::int32_t> b, std::i
 template <int D>
 class block_cholesky {
  public:
-  static constexpr std::size_t square = static_cast<std::size_t>(D) * D;
+  static constexpr std::size_t square = static_cast<std::size_t>(D) * D;  ///< numbers of a block
 
   /// Orders the rows and finds the blocks of the factor. Block k of the matrix couples row[k] < column[k]; all diagonal
   /// blocks are there. O(n^2 + blocks of the factor times their rows).

@@ -44,6 +44,7 @@ class bin_lister {
 /// Keep one and use it again: it owns the memory that it works in.
 class block_finder {
  public:
+  /// No blocks are known.
   static void clear(adjustment_structure& s) {
     s.block_row.clear(), s.block_column.clear(), s.pairs.clear(), s.factor_list.clear();
     s.block_pair.assign(1, 0), s.block_factor.assign(1, 0);

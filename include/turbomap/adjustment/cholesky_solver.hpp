@@ -31,19 +31,23 @@ struct solver_workspace {
   explicit solver_workspace(std::pmr::memory_resource* staging)
       : matrix(staging), x(staging), b(staging), sums(staging), report(staging), survey(staging) {}
 
-  dense_cholesky dense;
-  block_cholesky<D> sparse;
-  bool analysed = false;  ///< `sparse` has the structure of the problem
-  array<double, host_memory> matrix, x, b, sums;
-  array<awaited<step_report>, host_memory> report;
-  array<awaited<survey_report>, host_memory> survey;
-  plain_vector<double> ordered, ordered_x;  ///< in an unknown_order
+  dense_cholesky dense;                               ///< for matrices in full
+  block_cholesky<D> sparse;                           ///< for matrices block by block
+  bool analysed = false;                              ///< `sparse` has the structure of the problem
+  array<double, host_memory> matrix;                  ///< the matrix on the host
+  array<double, host_memory> x;                       ///< right hand side, then solution, on the host
+  array<double, host_memory> b;                       ///< negative gradient on the host
+  array<double, host_memory> sums;                    ///< parts of sums on the host
+  array<awaited<step_report>, host_memory> report;    ///< what a step gained, written by the policy
+  array<awaited<survey_report>, host_memory> survey;  ///< what the first linearisation is like, written by the policy
+  plain_vector<double> ordered;                       ///< the matrix in an unknown_order
+  plain_vector<double> ordered_x;                     ///< x in it
 };
 
 /// Steps of the free frames.
 struct reduced_step {
-  bool solved = false;
-  int iterations = 0;                       ///< of an iterative solver
+  bool solved = false;  ///< whether there is a step: false where the matrix is singular or not positive definite
+  int iterations = 0;   ///< of an iterative solver
   const double* step = nullptr;             ///< where the policy computes
   const double* on_host = nullptr;          ///< null: not asked for
   const double* solved_resident = nullptr;  ///< with no `on_host`: whether it was solved, where the policy computes
@@ -55,12 +59,17 @@ class dense_system {
  public:
   static constexpr bool fills_gaps = true;  ///< the matrix has room for blocks that nothing is summed into
 
+  /// \param workspace  must outlive this
   dense_system(solver_workspace<D>& workspace, const adjustment_structure& s)
       : workspace_(workspace), order_{s.free_frames}, n_(s.free_frames * D), padded_(dense_cholesky::padded(n_)) {}
 
+  /// Numbers per column, padding included.
   std::size_t unknowns() const { return static_cast<std::size_t>(padded_); }
+  /// Numbers of the matrix, padding included.
   std::size_t size() const { return unknowns() * unknowns(); }
+  /// Where its blocks go.
   reduced_layout layout(double* S, double* rhs) const { return {S, rhs, padded_, true}; }
+  /// Factorises a matrix on the host, which may be overwritten. False: singular or not positive definite.
   bool factorise(double* S, double tolerance) {
     matrix_ = S;
     if constexpr (D > V) {
@@ -72,6 +81,7 @@ class dense_system {
     }
     return workspace_.dense.factorise(matrix_, n_, tolerance);
   }
+  /// x = S^-1 x, on the host, by the factor.
   void substitute(double* x) const {
     if constexpr (D > V) {
       auto& ordered = workspace_.ordered_x;
@@ -95,18 +105,24 @@ class dense_system {
 template <int D>
 class sparse_system {
  public:
-  static constexpr bool fills_gaps = false;
+  static constexpr bool fills_gaps = false;  ///< only the blocks that exist have room
 
+  /// \param workspace  must outlive this
   sparse_system(solver_workspace<D>& workspace, const adjustment_structure& s)
       : factor_(workspace.sparse), frames_(static_cast<std::size_t>(s.free_frames)), blocks_(s.block_row.size()) {
     if (!workspace.analysed) factor_.analyse(s.free_frames, s.block_row, s.block_column);
     workspace.analysed = true;
   }
 
+  /// Numbers of a vector.
   std::size_t unknowns() const { return frames_ * D; }
+  /// Numbers of the matrix.
   std::size_t size() const { return (frames_ + blocks_) * D * D; }
+  /// Where its blocks go: one after the other.
   reduced_layout layout(double* S, double* rhs) const { return {S, rhs, 0, false}; }
+  /// As of dense_system.
   bool factorise(double* S, double tolerance) { return factor_.factorise(S, tolerance); }
+  /// As of dense_system.
   void substitute(double* x) const { factor_.solve(x); }
 
  private:
@@ -118,6 +134,7 @@ class sparse_system {
 template <class A, int V, int D, class System>
 class cholesky_solver {
  public:
+  /// \param ctx  its scratch holds the system for the rest of the call   \param workspace  must outlive this
   template <class Policy>
   cholesky_solver(context<Policy>& ctx, const schur_view<A>& s, const adjustment_structure& structure,
                   solver_workspace<D>& workspace)
@@ -128,6 +145,7 @@ class cholesky_solver {
     fill_bytes(ctx.policy(), x_ + free, 0, (system_.unknowns() - free) * sizeof(double));
   }
 
+  /// Forms the damped system and solves it. Waits where the host solves it.
   template <class Policy>
   reduced_step solve(context<Policy>& ctx, const damping& damping) {
     form(ctx, damping);

@@ -26,6 +26,7 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class A, int V, int D>
 class pcg_solver {
  public:
+  /// \param tolerance  relative, of the residual   \param max_iterations  after so many the step is taken as it is
   template <class Policy>
   pcg_solver(context<Policy>& ctx, const schur_view<A>& s, solver_workspace<D>& workspace, double tolerance,
              int max_iterations)
@@ -38,6 +39,7 @@ class pcg_solver {
     s_.blocks = 0;  // the diagonal ones alone
   }
 
+  /// Solves the damped system. The host reads inner products in every iteration.
   template <class Policy>
   reduced_step solve(context<Policy>& ctx, const damping& damping) {
     const Policy& policy = ctx.policy();

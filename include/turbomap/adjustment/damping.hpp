@@ -14,9 +14,10 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// What is added to a diagonal element h of the normal equations.
 struct damping {
-  double lambda;
+  double lambda;        ///< not negative
   bool scaled = false;  ///< by h itself, kept within [1e-6, 1e32] [Marquardt 1963; the bounds are Ceres']
 
+  /// What is added to h.
   TURBOMAP_HD double operator()(double h) const {
     return scaled ? lambda * (h < 1e-6 ? 1e-6 : h > 1e32 ? 1e32 : h) : lambda;
   }
@@ -25,7 +26,8 @@ struct damping {
 /// Lambda from step to step: smaller after a step that gained what the quadratic model promised, larger and larger (2, 4,
 /// 8, ... times) while steps are refused.
 struct damping_control {
-  double lambda = 0, growth = 2;
+  double lambda = 0;  ///< damping of the next step
+  double growth = 2;  ///< factor of lambda after the next refused step
 
   /// Whether a step is worth taking, and the damping of the next one.
   /// \param predicted  the decrease that the quadratic model promised

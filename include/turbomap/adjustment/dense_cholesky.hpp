@@ -21,7 +21,7 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Keep one and use it again: it owns the pivots only.
 class dense_cholesky {
  public:
-  static constexpr int tile = 8;
+  static constexpr int tile = 8;  ///< rows and columns of a tile
 
   /// The leading dimension, and number of columns, that a matrix of n unknowns is stored with.
   static int padded(int n) { return (n + tile - 1) / tile * tile; }

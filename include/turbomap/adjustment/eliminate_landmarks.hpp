@@ -23,9 +23,10 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Index = landmark: largest diagonal element of its H.
 template <class A>
 struct scale_of_landmarks {
-  schur_view<A> s;
-  double* diagonal;
+  schur_view<A> s;   ///< the landmarks
+  double* diagonal;  ///< [landmark]; 0: it does not move
 
+  /// Landmark l.
   TURBOMAP_HD void operator()(int l) const {
     double h[9];
     detail::sum_rows(s, l, h);
@@ -36,9 +37,10 @@ struct scale_of_landmarks {
 /// Index = landmark: what a step along its gradient alone would gain, element by element: the sum of b^2 / h.
 template <class A>
 struct gain_of_landmarks {
-  schur_view<A> s;
-  double* gain;
+  schur_view<A> s;  ///< the landmarks
+  double* gain;     ///< [landmark]
 
+  /// Landmark l.
   TURBOMAP_HD void operator()(int l) const {
     double h[9], sum = 0;
     detail::sum_rows(s, l, h);
@@ -52,10 +54,11 @@ struct gain_of_landmarks {
 /// first: roots and quotients of one landmark wait for each other, not for those of the next.
 template <class A, int V>
 struct eliminate_landmarks {
-  static constexpr int landmarks_per_index = 16;
-  schur_view<A> s;
-  turbomap::damping damping;
+  static constexpr int landmarks_per_index = 16;  ///< landmarks that one thread takes
+  schur_view<A> s;                                ///< what is read and written
+  turbomap::damping damping;                      ///< added to their diagonals
 
+  /// The landmarks of index i.
   TURBOMAP_HD void operator()(int i) const {
     const int begin = i * landmarks_per_index;
     const int end = begin + landmarks_per_index < s.landmarks ? begin + landmarks_per_index : s.landmarks;
@@ -86,9 +89,11 @@ struct eliminate_landmarks {
 
   /// The inverse of L, as columns are multiplied by it.
   using P = pack<A, column_lanes<V>>;
+  /// The factor of a landmark in all lanes.
   struct factor {
-    P inverse[6];
+    P inverse[6];  ///< lower triangle, row by row
   };
+  /// The factor of an eliminated landmark.
   TURBOMAP_HD static factor factor_of(const eliminated_landmark& e) {
     factor f;
     for (int i = 0; i < 6; ++i) f.inverse[i] = P(static_cast<A>(e.inverse[i]));
@@ -104,6 +109,7 @@ struct eliminate_landmarks {
     }
     take_through(slot, w, f);
   }
+  /// The same with the coupling's columns in `w`.
   TURBOMAP_HD void take_through(int slot, const P (&w)[3], const factor& f) const {
     const P(&inverse)[6] = f.inverse;
     // What a column's store leaves beyond it, the next column overwrites; the last one must not reach the next slot.
@@ -172,6 +178,7 @@ void launch_measure_gains(const thrust::execution_policy<Derived>& policy, const
   for_each_index(derived(policy), s.landmarks, gain_of_landmarks<A>{s, gain});
 }
 
+/// Eliminates all landmarks.
 template <int V, class Derived, class A>
 void launch_eliminate_landmarks(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s,
                                 const damping& damping) {

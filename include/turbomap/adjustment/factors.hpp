@@ -74,40 +74,40 @@ reprojections<Camera, huber> huber_reprojections(rig_view<Camera> rig) {
 /// The user's own factors between a frame and a landmark.
 template <class Factor, class Kernel = no_kernel>
 struct landmark_factors {
-  Factor factor;
-  span<const std::int32_t> frame;
-  span<const std::int32_t> landmark;
-  span<const typename Factor::row> rows;
-  Kernel kernel = {};
-  double undefined_chi2 = 1e6;  ///< see reprojections
+  Factor factor;                          ///< the residual
+  span<const std::int32_t> frame;         ///< [row] which frame
+  span<const std::int32_t> landmark;      ///< [row] which landmark
+  span<const typename Factor::row> rows;  ///< what differs between rows
+  Kernel kernel = {};                     ///< of its chi2
+  double undefined_chi2 = 1e6;            ///< see reprojections
 };
 
 /// Factors of one frame, e.g. a prior.
 template <class Factor, class Kernel = no_kernel>
 struct frame_factors {
-  Factor factor;
-  span<const std::int32_t> frame;
-  span<const typename Factor::row> rows;
-  Kernel kernel = {};
-  double undefined_chi2 = 1e6;
+  Factor factor;                          ///< the residual
+  span<const std::int32_t> frame;         ///< [row] which frame
+  span<const typename Factor::row> rows;  ///< what differs between rows
+  Kernel kernel = {};                     ///< of its chi2
+  double undefined_chi2 = 1e6;            ///< see reprojections
 };
 
 /// Factors between two different frames, e.g. odometry.
 template <class Factor, class Kernel = no_kernel>
 struct frame_pair_factors {
-  Factor factor;
-  span<const std::int32_t> first;
-  span<const std::int32_t> second;
-  span<const typename Factor::row> rows;
-  Kernel kernel = {};
-  double undefined_chi2 = 1e6;
+  Factor factor;                          ///< the residual
+  span<const std::int32_t> first;         ///< [row] the first frame
+  span<const std::int32_t> second;        ///< [row] the second frame, another one
+  span<const typename Factor::row> rows;  ///< what differs between rows
+  Kernel kernel = {};                     ///< of its chi2
+  double undefined_chi2 = 1e6;            ///< see reprojections
 };
 
 /// The unknowns of the frames as the caller holds them.
 template <class Frame>
 struct frame_input {
-  span<const typename Frame::template state<double>> states;
-  span<const std::uint8_t> fixed = {};  ///< not 0: the frame does not move; empty: all move
+  span<const typename Frame::template state<double>> states;  ///< where they begin
+  span<const std::uint8_t> fixed = {};                        ///< not 0: the frame does not move; empty: all move
   /// One mask per frame: bit i holds unknown i of one that moves otherwise, e.g. the velocity where no IMU tells it. Empty:
   /// none is held. Frames of up to 32 unknowns.
   span<const std::uint32_t> held = {};
@@ -115,7 +115,7 @@ struct frame_input {
 
 /// The landmarks as the caller holds them: world, m.
 struct landmark_input {
-  span<const vec3<double>> positions;
+  span<const vec3<double>> positions;   ///< where they begin
   span<const std::uint8_t> fixed = {};  ///< not 0: the landmark does not move; empty: all move
 };
 

@@ -23,12 +23,15 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Derivatives of single residuals, whitened. \tparam D  unknowns of a frame
 template <int D>
 struct residual_rows {
-  plain_vector<std::int32_t> landmark;       ///< -1: none, or a fixed one
-  plain_vector<std::int32_t> first, second;  ///< free frames; -1: none
-  plain_vector<double> d_landmark;           ///< 3 each
-  plain_vector<double> d_first, d_second;    ///< D each
-  plain_vector<std::int32_t> spoilt;         ///< free frames with a residual that is not finite
+  plain_vector<std::int32_t> landmark;  ///< -1: none, or a fixed one
+  plain_vector<std::int32_t> first;     ///< free frame; -1: none
+  plain_vector<std::int32_t> second;    ///< another free frame; -1: none
+  plain_vector<double> d_landmark;      ///< 3 each
+  plain_vector<double> d_first;         ///< D each
+  plain_vector<double> d_second;        ///< D each
+  plain_vector<std::int32_t> spoilt;    ///< free frames with a residual that is not finite
 
+  /// No rows; the memory stays.
   void clear() {
     for (auto* list : {&landmark, &first, &second, &spoilt}) list->clear();
     for (auto* list : {&d_landmark, &d_first, &d_second}) list->clear();
@@ -52,6 +55,7 @@ struct residual_rows {
       }
     }
   }
+  /// Notes that a residual of two frames is not finite; -1: none.
   void spoil(int a, int b) {
     if (a >= 0) spoilt.push_back(a);
     if (b >= 0) spoilt.push_back(b);

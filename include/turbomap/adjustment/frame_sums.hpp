@@ -16,8 +16,9 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Index = free frame: sums H and b of what its factors gave.
 template <class A, int V, int D>
 struct sum_frames {
-  schur_view<A> s;
+  schur_view<A> s;  ///< what is read and written
 
+  /// Free frame f.
   TURBOMAP_HD void operator()(int f) const {
     using chunk = landmark_block<V>;
     using whole = frame_block<D>;

@@ -17,9 +17,10 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Index = free frame: replaces its diagonal block by the Cholesky factor; `good`: 1, or 0 where there is none.
 template <int D>
 struct factorise_diagonal_blocks {
-  double* blocks;
-  double* good;
+  double* blocks;  ///< [free frame] D x D, row by row
+  double* good;    ///< [free frame]
 
+  /// Free frame f.
   TURBOMAP_HD void operator()(int f) const {
     good[f] = factorise_small<D>(blocks + static_cast<std::ptrdiff_t>(f) * D * D) ? 1 : 0;
   }
@@ -28,11 +29,12 @@ struct factorise_diagonal_blocks {
 /// Index = free frame: z = M^-1 r by the factors, and its part of r z.
 template <int D>
 struct precondition_frames {
-  const double* factors;
-  const double* r;
-  double* z;
-  double* product;
+  const double* factors;  ///< [free frame] D x D, row by row
+  const double* r;        ///< D per free frame
+  double* z;              ///< D per free frame
+  double* product;        ///< [free frame]
 
+  /// Free frame f.
   TURBOMAP_HD void operator()(int f) const {
     const double* L = factors + static_cast<std::ptrdiff_t>(f) * D * D;
     const double* from = r + static_cast<std::ptrdiff_t>(f) * D;
@@ -48,12 +50,13 @@ struct precondition_frames {
 /// Index = free frame: to = a + s b, and its part of a b (of the vectors as they were).
 template <int D>
 struct combine_frames {
-  const double* a;
-  double s;
-  const double* b;
-  double* to;
+  const double* a;  ///< D per free frame
+  double s;         ///< factor of b
+  const double* b;  ///< D per free frame
+  double* to;       ///< D per free frame; may be a or b
   double* product;  ///< may be null
 
+  /// Free frame f.
   TURBOMAP_HD void operator()(int f) const {
     double sum = 0;
     for (int i = f * D; i < (f + 1) * D; ++i) {
@@ -64,6 +67,7 @@ struct combine_frames {
   }
 };
 
+/// Factorises the diagonal blocks in place.
 template <int D, class Derived>
 void launch_factorise_blocks(const thrust::execution_policy<Derived>& policy, int free_frames, double* blocks,
                              double* good) {

@@ -19,20 +19,21 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Inputs and results, all in the memory of the policy.
 template <class Descriptor, class Camera>
 struct measurement_rows {
-  const keyframe_view<Descriptor, Camera>* frames;
-  const std::int32_t* frame;     ///< [row]
-  const std::int32_t* keypoint;  ///< [row], in its frame
-  const float* sigma2;           ///< [octave], px^2
-  vec3<double>* pixel;           ///< [row]: u, v, u_right (< 0: none)
-  double* information;           ///< [row]: 1 / sigma2
-  std::uint8_t* camera;          ///< [row], in the rig of the frame
+  const keyframe_view<Descriptor, Camera>* frames;  ///< keyframes, one per frame
+  const std::int32_t* frame;                        ///< [row]
+  const std::int32_t* keypoint;                     ///< [row], in its frame
+  const float* sigma2;                              ///< [octave], px^2
+  vec3<double>* pixel;                              ///< [row]: u, v, u_right (< 0: none)
+  double* information;                              ///< [row]: 1 / sigma2
+  std::uint8_t* camera;                             ///< [row], in the rig of the frame
 };
 
 /// Index = row.
 template <class Descriptor, class Camera>
 struct gather_measurement {
-  measurement_rows<Descriptor, Camera> rows;
+  measurement_rows<Descriptor, Camera> rows;  ///< what is read and written
 
+  /// One row.
   TURBOMAP_HD void operator()(int row) const {
     const auto& view = rows.frames[rows.frame[row]];
     const int k = rows.keypoint[row];
@@ -44,6 +45,7 @@ struct gather_measurement {
   }
 };
 
+/// All rows.
 template <class Derived, class Descriptor, class Camera>
 void launch_gather_measurements(const thrust::execution_policy<Derived>& policy, int row_count,
                                 const measurement_rows<Descriptor, Camera>& rows) {
@@ -53,15 +55,17 @@ void launch_gather_measurements(const thrust::execution_policy<Derived>& policy,
 /// Index = frame: its cameras side by side, `most` places per frame.
 template <class Descriptor, class Camera>
 struct gather_rig {
-  const keyframe_view<Descriptor, Camera>* frames;
-  rig_camera<Camera>* cameras;
-  int most;
+  const keyframe_view<Descriptor, Camera>* frames;  ///< one per frame
+  rig_camera<Camera>* cameras;                      ///< [frame][most]
+  int most;                                         ///< cameras of any frame at most
 
+  /// The rig of frame f.
   TURBOMAP_HD void operator()(int f) const {
     for (int c = 0; c < frames[f].camera_count; ++c) cameras[f * most + c] = frames[f].cameras[c];
   }
 };
 
+/// The rigs of all frames.
 template <class Derived, class Descriptor, class Camera>
 void launch_gather_rigs(const thrust::execution_policy<Derived>& policy, int frame_count,
                         const keyframe_view<Descriptor, Camera>* frames, rig_camera<Camera>* cameras, int most) {

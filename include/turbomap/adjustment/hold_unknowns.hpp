@@ -18,9 +18,10 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Index = slot: couplings of a frame with a landmark.
 template <class A, int V>
 struct hold_couplings {
-  schur_view<A> s;
+  schur_view<A> s;            ///< what is changed
   const std::uint32_t* held;  ///< [free frame] bit i: unknown i stays
 
+  /// One slot.
   TURBOMAP_HD void operator()(int slot) const {
     const std::uint32_t mask = held[s.slot_frame[slot]];
     if ((mask & (~0U >> (32 - V))) == 0) return;
@@ -36,9 +37,10 @@ struct hold_couplings {
 /// Index = free frame: its own block, and those of the factors whose first frame it is.
 template <class A, int D>
 struct hold_frames {
-  schur_view<A> s;
-  const std::uint32_t* held;
+  schur_view<A> s;            ///< what is changed
+  const std::uint32_t* held;  ///< [free frame] bit i: unknown i stays
 
+  /// Free frame f.
   TURBOMAP_HD void operator()(int f) const {
     const std::uint32_t mask = held[f];
     double* H = s.H + static_cast<std::ptrdiff_t>(f) * frame_block<D>::triangle;

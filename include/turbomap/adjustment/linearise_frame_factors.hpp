@@ -21,26 +21,28 @@ TURBOMAP_BEGIN_NAMESPACE
 /// A group of frame_factors (second: null) or frame_pair_factors where the policy computes.
 template <class Factor, class Kernel>
 struct frame_factor_view {
-  const std::int32_t* first;
-  const std::int32_t* second;
-  const typename Factor::row* rows;
-  Factor factor;
-  Kernel kernel;
-  double undefined_chi2;
-  group_place place;  ///< partial sums: one per factor of one frame, two per factor of a pair
-  int count;
+  const std::int32_t* first;         ///< [factor] the frame, or the first one
+  const std::int32_t* second;        ///< [factor] the second frame; null: factors of one frame
+  const typename Factor::row* rows;  ///< [factor] what differs between factors
+  Factor factor;                     ///< the residual
+  Kernel kernel;                     ///< of its chi2
+  double undefined_chi2;             ///< chi2 where the residual is not defined
+  group_place place;                 ///< partial sums: one per factor of one frame, two per factor of a pair
+  int count;                         ///< factors
 };
 
 /// Index = factor. \tparam Pair  factors between two frames
 template <bool Pair, class Frame, class Factor, class Kernel>
 struct linearise_frame_factors {
-  static constexpr int D = Frame::dof, size = Factor::size;
-  using block = frame_block<D>;
-  frame_factor_view<Factor, Kernel> group;
-  const typename Frame::template state<double>* states;
-  double* partial;  ///< of all groups
-  double* square;   ///< of all groups
+  static constexpr int D = Frame::dof;                   ///< unknowns of a frame
+  static constexpr int size = Factor::size;              ///< numbers of a residual
+  using block = frame_block<D>;                          ///< sizes of the sums
+  frame_factor_view<Factor, Kernel> group;               ///< the factors
+  const typename Frame::template state<double>* states;  ///< [frame]
+  double* partial;                                       ///< of all groups
+  double* square;                                        ///< of all groups
 
+  /// Factor i.
   TURBOMAP_HD void operator()(int i) const {
     double e[size], d[2][size * D], rho, w = 0;
     bool defined;
@@ -76,10 +78,11 @@ struct linearise_frame_factors {
 /// Index = factor. \tparam Pair  factors between two frames
 template <bool Pair, class Frame, class Factor, class Kernel>
 struct cost_of_frame_factors {
-  frame_factor_view<Factor, Kernel> group;
-  const typename Frame::template state<double>* states;
-  cost_sums sums;
+  frame_factor_view<Factor, Kernel> group;               ///< the factors
+  const typename Frame::template state<double>* states;  ///< [frame]
+  cost_sums sums;                                        ///< where costs are written
 
+  /// Factor i.
   TURBOMAP_HD void operator()(int i) const {
     double e[Factor::size], rho, unused;
     bool defined;
@@ -93,6 +96,7 @@ struct cost_of_frame_factors {
   }
 };
 
+/// Linearises all factors of a group.
 template <bool Pair, class Frame, class Derived, class Factor, class Kernel>
 void launch_linearise_frame_factors(const thrust::execution_policy<Derived>& policy,
                                     const frame_factor_view<Factor, Kernel>& group, const estimate_view<Frame>& x,
@@ -101,6 +105,7 @@ void launch_linearise_frame_factors(const thrust::execution_policy<Derived>& pol
                  linearise_frame_factors<Pair, Frame, Factor, Kernel>{group, x.states, partial, square});
 }
 
+/// Writes the robust cost of all factors of a group.
 template <bool Pair, class Frame, class Derived, class Factor, class Kernel>
 void launch_evaluate_frame_factors(const thrust::execution_policy<Derived>& policy,
                                    const frame_factor_view<Factor, Kernel>& group, const estimate_view<Frame>& x,

@@ -20,17 +20,18 @@ TURBOMAP_BEGIN_NAMESPACE
 /// A group of landmark_factors where the policy computes, in the order of its structure.
 template <class Factor, class Kernel>
 struct landmark_factor_view {
-  const observation_chunk* chunks;
-  const std::int32_t* landmark;
-  const std::int32_t* row;
-  const std::int32_t* coupling;
-  const typename Factor::row* rows;
-  Factor factor;
-  Kernel kernel;
-  double undefined_chi2;
-  int first_chunk;  ///< number of its first chunk among those of all groups
-  int chunk_count;
+  const observation_chunk* chunks;   ///< observations of one frame each
+  const std::int32_t* landmark;      ///< [entry] landmark
+  const std::int32_t* row;           ///< [entry] place in the order by landmark
+  const std::int32_t* coupling;      ///< [entry] place among the couplings; -1: fixed frame
+  const typename Factor::row* rows;  ///< [entry] what differs between observations
+  Factor factor;                     ///< the residual
+  Kernel kernel;                     ///< of its chi2
+  double undefined_chi2;             ///< chi2 where the residual is not defined
+  int first_chunk;                   ///< number of its first chunk among those of all groups
+  int chunk_count;                   ///< chunks
 
+  /// The landmark of entry i: world, m.
   TURBOMAP_HD vec3<double> point(const double* landmarks, int i) const {
     const double* p = landmarks + static_cast<std::ptrdiff_t>(landmark[i]) * landmark_stride;
     return {p[0], p[1], p[2]};
@@ -40,13 +41,15 @@ struct landmark_factor_view {
 /// Index = chunk.
 template <class Frame, class Factor, class Kernel, class A>
 struct linearise_landmark_factors {
-  static constexpr int V = Frame::landmark_dof, size = Factor::size;
-  using block = landmark_block<V>;
-  landmark_factor_view<Factor, Kernel> group;
-  const typename Frame::template state<double>* states;
-  const double* landmarks;
-  factor_sums<A> sums;
+  static constexpr int V = Frame::landmark_dof;          ///< unknowns that it depends on
+  static constexpr int size = Factor::size;              ///< numbers of a residual
+  using block = landmark_block<V>;                       ///< sizes of the sums
+  landmark_factor_view<Factor, Kernel> group;            ///< the factors
+  const typename Frame::template state<double>* states;  ///< [frame]
+  const double* landmarks;                               ///< [landmark] landmark_stride numbers
+  factor_sums<A> sums;                                   ///< where sums are written
 
+  /// One chunk.
   TURBOMAP_HD void operator()(int chunk) const {
     const observation_chunk& c = group.chunks[chunk];
     double total[block::partial] = {};
@@ -82,12 +85,13 @@ struct linearise_landmark_factors {
 /// Index = chunk: its robust cost, or chi2 of each entry, or both.
 template <class Frame, class Factor, class Kernel>
 struct cost_of_landmark_factors {
-  landmark_factor_view<Factor, Kernel> group;
-  const typename Frame::template state<double>* states;
-  const double* landmarks;
-  cost_sums sums;  ///< may be null
-  double* chi2;    ///< [entry]; may be null
+  landmark_factor_view<Factor, Kernel> group;            ///< the factors
+  const typename Frame::template state<double>* states;  ///< [frame]
+  const double* landmarks;                               ///< [landmark] landmark_stride numbers
+  cost_sums sums;                                        ///< may be null
+  double* chi2;                                          ///< [entry]; may be null
 
+  /// One chunk.
   TURBOMAP_HD void operator()(int chunk) const {
     const observation_chunk& c = group.chunks[chunk];
     double total = 0, missing = 0, rho, unused;
@@ -105,6 +109,7 @@ struct cost_of_landmark_factors {
   }
 };
 
+/// Linearises all chunks of a group.
 template <class Frame, class Derived, class Factor, class Kernel, class A>
 void launch_linearise_landmark_factors(const thrust::execution_policy<Derived>& policy,
                                        const landmark_factor_view<Factor, Kernel>& group, const estimate_view<Frame>& x,

@@ -21,15 +21,16 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Camera, class Kernel, class G, class A, int N, int V>
 struct linearise_reprojections {
   static_assert(V >= 6, "turbomap: a reprojection depends on the six unknowns of a pose");
-  using block = landmark_block<V>;
-  reprojection_view<Camera, Kernel> group;
-  const isometry<double>* T_bw;  ///< [frame]
-  const double* landmarks;
-  factor_sums<A> sums;
-  cost_sums costs;  ///< null: not asked for
+  using block = landmark_block<V>;          ///< sizes of the sums
+  reprojection_view<Camera, Kernel> group;  ///< the observations
+  const isometry<double>* T_bw;             ///< [frame]
+  const double* landmarks;                  ///< [landmark] landmark_stride numbers
+  factor_sums<A> sums;                      ///< where sums are written
+  cost_sums costs;                          ///< null: not asked for
 
-  using part = reprojection_cost_part<G, N>;
+  using part = reprojection_cost_part<G, N>;  ///< cost of a chunk
 
+  /// One chunk.
   TURBOMAP_HD void operator()(int chunk) const {
     const observation_chunk& c = group.chunks[chunk];
     if (c.kind % 2 == 1)
@@ -38,7 +39,7 @@ struct linearise_reprojections {
       chunk_of<false>(c, group.mono, chunk);
   }
 
-  using P = pack<A, N>;
+  using P = pack<A, N>;  ///< numbers of the normal equations
 
  private:
   template <bool Stereo>

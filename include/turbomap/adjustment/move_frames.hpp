@@ -18,8 +18,9 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Index = frame: its pose as a matrix.
 template <class Frame>
 struct prepare_poses {
-  const typename Frame::template state<double>* states;
-  isometry<double>* poses;
+  const typename Frame::template state<double>* states;  ///< [frame]
+  isometry<double>* poses;                               ///< [frame] world to body
+  /// Frame f.
   TURBOMAP_HD void operator()(int f) const {
     poses[f] = to_isometry<double>(normalised(Frame::template pose<double>(states[f])));
   }
@@ -28,11 +29,12 @@ struct prepare_poses {
 /// Index = frame: moves a free one by its step, copies a fixed one, and makes its pose a matrix.
 template <class Frame>
 struct retract_frames {
-  const std::int32_t* free_of_frame;
-  const double* step;
-  const typename Frame::template state<double>* from;
-  prepare_poses<Frame> prepare;
-  typename Frame::template state<double>* to;
+  const std::int32_t* free_of_frame;                   ///< [frame] number among the free frames; -1: fixed
+  const double* step;                                  ///< of the free frames
+  const typename Frame::template state<double>* from;  ///< [frame] states before the step
+  prepare_poses<Frame> prepare;                        ///< what makes the pose a matrix
+  typename Frame::template state<double>* to;          ///< [frame] states after it
+  /// Frame f.
   TURBOMAP_HD void operator()(int f) const {
     const int free = free_of_frame[f];
     to[f] = free < 0 ? from[f]
@@ -41,6 +43,7 @@ struct retract_frames {
   }
 };
 
+/// Poses of all frames as matrices.
 template <class Frame, class Derived>
 void launch_prepare_poses(const thrust::execution_policy<Derived>& policy, int frames, const estimate_view<Frame>& x) {
   for_each_index(derived(policy), frames, prepare_poses<Frame>{x.states, x.poses});

@@ -27,10 +27,12 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Frame, class Memory>
 class estimates {
  public:
-  using state = typename Frame::template state<double>;
+  using state = typename Frame::template state<double>;  ///< of a frame
 
+  /// Empty. \param r  memory of the policy; must outlive this
   explicit estimates(std::pmr::memory_resource* r) : pair_{one(r), one(r)} {}
 
+  /// Room for frames and landmarks; what was there is lost.
   void resize(std::size_t frames, std::size_t landmarks) {
     current_ = 0;
     for (one& x : pair_) {
@@ -41,9 +43,13 @@ class estimates {
   /// The trial becomes the current one.
   void accept() { current_ = 1 - current_; }
 
+  /// What the last accepted step left.
   estimate_view<Frame> current() { return pair_[current_].view(); }
+  /// Where the next step is tried.
   estimate_view<Frame> trial() { return pair_[1 - current_].view(); }
+  /// States of the current estimate, one per frame.
   const state* states() const { return pair_[current_].states.data(); }
+  /// Landmarks of the current estimate, landmark_stride numbers each.
   const double* landmarks() const { return pair_[current_].landmarks.data(); }
 
  private:
@@ -60,10 +66,13 @@ class estimates {
   int current_ = 0;
 };
 
+/// All that belongs to one problem. \tparam Memory  of the policy   \tparam Groups  of factors, as the caller names them
 template <class Memory, class FrameType, class... Groups>
 struct problem_data {
-  using frame = FrameType;
-  static constexpr int dof = frame::dof, landmark_dof = frame::landmark_dof;
+  using frame = FrameType;                                  ///< kind of frame
+  static constexpr int dof = frame::dof;                    ///< unknowns of a frame
+  static constexpr int landmark_dof = frame::landmark_dof;  ///< of which landmarks depend on the first so many
+  /// Whether no group of the user's own has landmarks: couplings can then be made of rows.
   static constexpr bool reprojections_only = !(resident_group<Groups, frame, Memory>::own_landmark_factors || ...);
 
   /// \param staging  see context::staging_resource()
@@ -75,15 +84,15 @@ struct problem_data {
         estimate(r),
         workspace(staging) {}
 
-  adjustment_structure structure;
-  std::tuple<resident_group<Groups, frame, Memory>...> groups;
-  resident_structure<Memory> lists;
-  uploaded<std::uint8_t, Memory> landmark_fixed;  ///< empty: all move
-  uploaded<std::uint32_t, Memory> held;           ///< [free frame] masks of unknowns that stay; empty: none
-  estimates<frame, Memory> estimate;
-  solver_workspace<dof> workspace;
-  std::size_t observations = 0;  ///< 0: there is nothing to adjust
-  bool finite = false;           ///< of all numbers that were given
+  adjustment_structure structure;  ///< order of observations, and lists of what is summed into what
+  std::tuple<resident_group<Groups, frame, Memory>...> groups;  ///< the factors
+  resident_structure<Memory> lists;                             ///< the lists where the policy computes
+  uploaded<std::uint8_t, Memory> landmark_fixed;                ///< empty: all move
+  uploaded<std::uint32_t, Memory> held;  ///< [free frame] masks of unknowns that stay; empty: none
+  estimates<frame, Memory> estimate;     ///< states and landmarks
+  solver_workspace<dof> workspace;       ///< of the solvers
+  std::size_t observations = 0;          ///< 0: there is nothing to adjust
+  bool finite = false;                   ///< of all numbers that were given
 
   /// The lists of the blocks, where the policy computes: made when the first solver asks for them.
   template <class Policy>
@@ -93,6 +102,7 @@ struct problem_data {
     if (!blocks_sent_) lists.send_blocks(policy, structure);
     blocks_sent_ = true;
   }
+  /// Blocks of the reduced matrix that are not diagonal ones.
   std::int64_t count_blocks() { return finder_.count_blocks(structure); }
   /// After a change of the structure.
   void forget_blocks() { blocks_known_ = blocks_sent_ = workspace.analysed = false; }

@@ -19,11 +19,12 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Where the blocks of the reduced matrix go: row-major, the upper triangle of blocks. In a dense matrix of leading
 /// dimension `stride`, or one after the other (diagonal ones first).
 struct reduced_layout {
-  double* S;
-  double* rhs;
-  int stride;
-  bool dense;
+  double* S;    ///< the matrix
+  double* rhs;  ///< right hand side, D per free frame
+  int stride;   ///< numbers from row to row of a dense matrix
+  bool dense;   ///< whether it is one matrix, not blocks one after the other
 
+  /// Where block `index` of two frames begins; row == column: the diagonal block.
   TURBOMAP_HD double* block(int index, int row, int column, int free_frames, int D) const {
     if (dense) return S + static_cast<std::ptrdiff_t>(row) * D * stride + column * D;
     return S + (row == column ? static_cast<std::ptrdiff_t>(row) : static_cast<std::ptrdiff_t>(free_frames) + index) *
@@ -36,17 +37,21 @@ struct reduced_layout {
 /// takes is of all sizes.
 template <class A, int V, int D>
 struct reduce_blocks {
-  schur_view<A> s;
-  reduced_layout out;
-  turbomap::damping damping;
-  int count, runs, step;
+  schur_view<A> s;            ///< landmarks and lists
+  reduced_layout out;         ///< where the blocks go
+  turbomap::damping damping;  ///< of the diagonal
+  int count;                  ///< tasks
+  int runs;                   ///< number of runs
+  int step;                   ///< from the run of one index to that of the next; without a common divisor with `runs`
 
   static constexpr int run = 2;  ///< with 8, one of four threads had 17 % more to do than the mean, with 2 it has 1 %
-  static constexpr int n = column_lanes<V>;
-  static constexpr int ahead = 24;  ///< entries of a list between asking for memory and reading it: a third-level cache is that far
-  static constexpr int row_bytes = 3 * V * static_cast<int>(sizeof(A));
-  using P = pack<A, n>;
+  static constexpr int n = column_lanes<V>;  ///< lanes of a column
+  static constexpr int ahead =
+      24;  ///< entries of a list between asking for memory and reading it: a third-level cache is that far
+  static constexpr int row_bytes = 3 * V * static_cast<int>(sizeof(A));  ///< of the columns of a slot
+  using P = pack<A, n>;                                                  ///< numbers of a column
 
+  /// The task of index i.
   TURBOMAP_HD void operator()(int i) const {
     const int task = static_cast<int>(static_cast<long long>(i / run) * step % runs) * run + i % run;
     if (task >= count) return;

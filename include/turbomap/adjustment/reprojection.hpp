@@ -20,6 +20,7 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// N points moved by T_ab, lane by lane, computed in T.
 template <class T, int N>
 TURBOMAP_HD vec3<pack<T, N>> transform(const isometry<double>& T_ab, const vec3<pack<T, N>>& x) {
   using P = pack<T, N>;
@@ -183,6 +184,7 @@ struct kernel_takes_packs : std::false_type {};
 template <class Kernel>
 struct kernel_takes_packs<Kernel, std::enable_if_t<Kernel::for_packs>> : std::true_type {};
 
+/// rho and weight of N values of chi2, at once where the kernel can.
 template <class Kernel, class G, int N>
 TURBOMAP_HD void apply_kernel(const Kernel& kernel, const pack<G, N>& chi2, pack<G, N>& rho, pack<G, N>& weight) {
   if constexpr (kernel_takes_packs<Kernel>::value && N > 1) {

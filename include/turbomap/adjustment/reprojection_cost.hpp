@@ -16,8 +16,9 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Robust cost of observations that are defined, and number of the others.
 template <class G, int N>
 struct reprojection_cost_part {
-  using P = pack<G, N>;
-  P total = P(G(0)), missing = P(G(0));
+  using P = pack<G, N>;  ///< numbers of residuals
+  P total = P(G(0));     ///< robust cost
+  P missing = P(G(0));   ///< observations that are not defined
 
   /// \param rho  of each, whether or not it is defined
   TURBOMAP_HD void add(const P& information, const P& rho, const P& defined) {
@@ -42,14 +43,15 @@ TURBOMAP_HD void write_cost(const reprojection_view<Camera, Kernel>& group, int 
 /// Index = chunk: its robust cost, and how many of its observations are not defined.
 template <class Camera, class Kernel, class G, int N>
 struct cost_of_reprojections {
-  reprojection_view<Camera, Kernel> group;
-  const isometry<double>* T_bw;
-  const double* landmarks;
-  cost_sums sums;
+  reprojection_view<Camera, Kernel> group;  ///< the observations
+  const isometry<double>* T_bw;             ///< [frame]
+  const double* landmarks;                  ///< [landmark] landmark_stride numbers
+  cost_sums sums;                           ///< where costs are written
 
-  using P = pack<G, N>;
-  using part = reprojection_cost_part<G, N>;
+  using P = pack<G, N>;                       ///< numbers of residuals
+  using part = reprojection_cost_part<G, N>;  ///< cost of some observations
 
+  /// One chunk.
   TURBOMAP_HD void operator()(int chunk) const {
     const observation_chunk& c = group.chunks[chunk];
     part p;
@@ -63,6 +65,7 @@ struct cost_of_reprojections {
     else
       add<false>(c, group.mono, first, step, p);
   }
+  /// Writes the cost of a chunk.
   TURBOMAP_HD void finish(int chunk, G total, G missing) const { write_cost(group, chunk, total, missing, sums); }
 
  private:
@@ -86,12 +89,13 @@ struct cost_of_reprojections {
 /// Index = chunk: chi2 (not robust; undefined_chi2 where not defined) and depth in its camera of each entry.
 template <class Camera, class Kernel, int N>
 struct chi2_of_reprojections {
-  reprojection_view<Camera, Kernel> group;
-  const isometry<double>* T_bw;
-  const double* landmarks;
-  double* chi2;   ///< [entry]
-  double* depth;  ///< [entry] m
+  reprojection_view<Camera, Kernel> group;  ///< the observations
+  const isometry<double>* T_bw;             ///< [frame]
+  const double* landmarks;                  ///< [landmark] landmark_stride numbers
+  double* chi2;                             ///< [entry]
+  double* depth;                            ///< [entry] m
 
+  /// One chunk.
   TURBOMAP_HD void operator()(int chunk) const {
     const observation_chunk& c = group.chunks[chunk];
     if (c.kind % 2 == 1)

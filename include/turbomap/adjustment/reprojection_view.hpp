@@ -20,20 +20,22 @@ TURBOMAP_BEGIN_NAMESPACE
 /// In the order of its group_structure.
 template <class Camera, class Kernel>
 struct reprojection_view {
-  const observation_chunk* chunks;
-  const adjustment_camera<Camera>* cameras;
-  const std::int32_t* landmark;
-  const std::int32_t* row;
-  const std::int32_t* coupling;
-  const double* u;
-  const double* v;
-  const double* u_right;
-  const double* information;
-  Kernel mono, stereo;
-  double undefined_chi2;
-  int first_chunk;  ///< number of its first chunk among those of all groups
-  int chunk_count;
+  const observation_chunk* chunks;           ///< observations of one frame, one camera, all stereo or none
+  const adjustment_camera<Camera>* cameras;  ///< of the rig
+  const std::int32_t* landmark;              ///< [entry] landmark
+  const std::int32_t* row;                   ///< [entry] place in the order by landmark
+  const std::int32_t* coupling;              ///< [entry] place among the couplings; -1: fixed frame
+  const double* u;                           ///< [entry] px
+  const double* v;                           ///< [entry] px
+  const double* u_right;                     ///< [entry] px
+  const double* information;                 ///< [entry] 1 / sigma^2, px^-2; 0: padding
+  Kernel mono;                               ///< of rows of two residuals
+  Kernel stereo;                             ///< of rows of three
+  double undefined_chi2;                     ///< chi2 of rows that are not defined
+  int first_chunk;                           ///< number of its first chunk among those of all groups
+  int chunk_count;                           ///< chunks
 
+  /// The landmarks of N entries from i on: world, m.
   template <class T, int N>
   TURBOMAP_HD vec3<pack<T, N>> points(const double* landmarks, int i) const {
     using P = pack<T, N>;
@@ -41,6 +43,7 @@ struct reprojection_view {
             P::gather(landmarks + 1, landmark + i, landmark_stride),
             P::gather(landmarks + 2, landmark + i, landmark_stride)};
   }
+  /// u, v, u_right of N entries from i on, px.
   template <class T, int N>
   TURBOMAP_HD vec3<pack<T, N>> measurements(int i) const {
     return {convert<T>(pack<double, N>::load(u + i)), convert<T>(pack<double, N>::load(v + i)),

@@ -18,14 +18,21 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// Factors between a frame and a landmark.
 template <class Factor, class Kernel, class Frame, class Memory>
 class resident_group<landmark_factors<Factor, Kernel>, Frame, Memory> {
  public:
+  /// @{
+  /// See the list of members at resident_group.
   using group_type = landmark_factors<Factor, Kernel>;
   static constexpr bool with_landmarks = true, own_landmark_factors = true;
+  /// @}
 
+  /// \param r  memory of the policy; must outlive this
   resident_group(std::pmr::memory_resource* r, std::pmr::memory_resource*) : entries_(r), rows_(r) {}
 
+  /// @{
+  /// See the list of members at resident_group.
   static bool check(const group_type& g, int frames, int landmarks) {
     require(g.landmark.size() == g.frame.size(), "landmark.size()", g.landmark.size(), "must be that of frame");
     require(g.rows.size() == g.frame.size(), "rows.size()", g.rows.size(), "must be that of frame");
@@ -38,7 +45,10 @@ class resident_group<landmark_factors<Factor, Kernel>, Frame, Memory> {
   void describe(const group_type& g, structure_inputs& to) {
     to.landmark_groups.push_back({g.frame, g.landmark, nullptr, 1});
   }
+  /// @}
 
+  /// @{
+  /// See the list of members at resident_group.
   template <class Policy>
   void assign(const Policy& policy, const group_type& g, const adjustment_structure& structure, group_place& place) {
     const group_structure& s = structure.groups[static_cast<std::size_t>(place.landmark_group)];
@@ -72,6 +82,7 @@ class resident_group<landmark_factors<Factor, Kernel>, Frame, Memory> {
   void chi2(const Policy& policy, const estimate_view<Frame>& x, double* chi2, double*) const {
     launch_evaluate_landmark_factors(policy, *view_, x, {}, chi2);
   }
+  /// @}
 
   /// See resident_reprojections.hpp. A residual that is not finite spoils its frame.
   template <class Rows>
@@ -94,7 +105,9 @@ class resident_group<landmark_factors<Factor, Kernel>, Frame, Memory> {
       }
   }
 
+  /// Observations, as the caller gave them.
   std::size_t size() const { return size_; }
+  /// Number among the groups with landmarks.
   int landmark_group() const { return landmark_group_; }
 
  private:

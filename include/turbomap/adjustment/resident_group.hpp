@@ -36,16 +36,18 @@ class resident_group;
 
 /// What the structure needs to know of all groups, in their order.
 struct structure_inputs {
-  plain_vector<landmark_group_input> landmark_groups;
-  plain_vector<frame_group_input> frame_groups;
+  plain_vector<landmark_group_input> landmark_groups;  ///< groups with landmarks
+  plain_vector<frame_group_input> frame_groups;        ///< groups of factors of frames
 };
 
 /// The part of a group_structure that groups with landmarks read where the policy computes.
 template <class Memory>
 class resident_entries {
  public:
+  /// Empty. \param r  memory of the policy; must outlive this
   explicit resident_entries(std::pmr::memory_resource* r) : chunks_(r), landmark_(r), row_(r), coupling_(r) {}
 
+  /// Sends the arrays of a group. Enqueued; `s` must stay until it has passed.
   template <class Policy>
   void send(const Policy& policy, const group_structure& s) {
     chunks_.send(policy, s.chunks), landmark_.send(policy, s.landmark);

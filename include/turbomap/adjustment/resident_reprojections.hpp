@@ -21,17 +21,23 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// Reprojections.
 template <class Camera, class Kernel, class Frame, class Memory>
 class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
  public:
   static_assert(require_camera<Camera>());
+  /// @{
+  /// See the list of members at resident_group.
   using group_type = reprojections<Camera, Kernel>;
   static constexpr bool with_landmarks = true, own_landmark_factors = false;
+  /// @}
 
   /// \param staging  see context::staging_resource()
   resident_group(std::pmr::memory_resource* r, std::pmr::memory_resource* staging)
       : cameras_(r), entries_(r), rows_(staging), resident_rows_(r) {}
 
+  /// @{
+  /// See the list of members at resident_group.
   static bool check(const group_type& g, int frames, int landmarks) {
     const std::size_t n = g.frame.size();
     require(g.landmark.size() == n, "landmark.size()", g.landmark.size(), "must be that of frame");
@@ -133,6 +139,7 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
   void chi2(const Policy& policy, const estimate_view<Frame>& x, double* chi2, double* depth) const {
     launch_measure_reprojections(policy, view(), x.poses, x.landmarks, chi2, depth);
   }
+  /// @}
 
   /// The derivatives of all rows that are defined, on the host.
   template <class Rows>
@@ -151,7 +158,9 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
       }
   }
 
+  /// Observations, as the caller gave them.
   std::size_t size() const { return size_; }
+  /// Number among the groups with landmarks.
   int landmark_group() const { return landmark_group_; }
 
  private:

@@ -11,9 +11,11 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// The lists of one problem.
 template <class Memory>
 class resident_structure {
  public:
+  /// Empty. \param resource  memory of the policy; must outlive this
   explicit resident_structure(std::pmr::memory_resource* resource) {
     const auto use_resource = [resource](auto& list, auto&) { list = std::decay_t<decltype(list)>(resource); };
     for_each_sum_list(sums_, sums_, use_resource);
@@ -25,6 +27,7 @@ class resident_structure {
   void send_sums(const Policy& policy, const adjustment_structure& s) {
     for_each_sum_list(sums_, s, [&](auto& list, const auto& host) { list.send(policy, host); });
   }
+  /// The lists of blocks.
   template <class Policy>
   void send_blocks(const Policy& policy, const adjustment_structure& s) {
     for_each_block_list(blocks_, s, [&](auto& list, const auto& host) { list.send(policy, host); });

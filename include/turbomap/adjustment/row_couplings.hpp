@@ -22,13 +22,14 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Index = frame: the columns of its rotation, as packs of couplings need them, and its centre.
 template <class A, int V>
 struct prepare_axes {
-  static constexpr int lanes = column_lanes<V>;
-  const std::int32_t* free_of_frame;
-  const isometry<double>* T_bw;
-  const std::uint32_t* held;  ///< [free frame] bit i: unknown i stays; null: none
-  A* axes;                    ///< [free frame] (R; 0) and (0; R), column by column of `lanes` numbers
-  double* centres;            ///< [free frame] landmark_stride numbers
+  static constexpr int lanes = column_lanes<V>;  ///< numbers of a column
+  const std::int32_t* free_of_frame;             ///< [frame] number among the free frames; -1: fixed
+  const isometry<double>* T_bw;                  ///< [frame] world to body
+  const std::uint32_t* held;                     ///< [free frame] bit i: unknown i stays; null: none
+  A* axes;          ///< [free frame] (R; 0) and (0; R), column by column of `lanes` numbers
+  double* centres;  ///< [free frame] landmark_stride numbers
 
+  /// One frame.
   TURBOMAP_HD void operator()(int frame) const {
     const std::ptrdiff_t f = free_of_frame[frame];
     if (f < 0) return;

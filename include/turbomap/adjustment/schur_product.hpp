@@ -18,15 +18,17 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Index = landmark: y = sum of Z^T p over the frames that see it.
 template <class A, int V, int D>
 struct gather_landmarks {
-  schur_view<A> s;
-  const double* p;
-  double* y;
+  schur_view<A> s;  ///< landmarks and lists
+  const double* p;  ///< D per free frame
+  double* y;        ///< [landmark] 3
 
+  /// Landmark l.
   TURBOMAP_HD void operator()(int l) const {
     double sum[3] = {};
     for (int slot = s.landmark_slot[l]; slot < s.landmark_slot[l + 1]; ++slot) add(slot, sum);
     for (int m = 0; m < 3; ++m) y[static_cast<std::ptrdiff_t>(l) * 3 + m] = sum[m];
   }
+  /// Adds Z^T p of one slot.
   TURBOMAP_HD void add(int slot, double (&sum)[3]) const {
     const A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
     const double* x = p + static_cast<std::ptrdiff_t>(s.slot_frame[slot]) * D;
@@ -38,12 +40,13 @@ struct gather_landmarks {
 /// Index = free frame: q = S p.
 template <class A, int V, int D>
 struct multiply_frames {
-  schur_view<A> s;
-  const double* p;
-  const double* y;
-  turbomap::damping damping;
-  double* q;
+  schur_view<A> s;            ///< landmarks and lists
+  const double* p;            ///< D per free frame
+  const double* y;            ///< [landmark] 3: Z^T p
+  turbomap::damping damping;  ///< of the diagonal
+  double* q;                  ///< D per free frame
 
+  /// Free frame f.
   TURBOMAP_HD void operator()(int f) const {
     double sum[D];
     for (int r = 0; r < D; ++r) sum[r] = of_frames(f, r);

@@ -20,7 +20,7 @@ TURBOMAP_BEGIN_NAMESPACE
 struct eliminated_landmark {
   double c[3];        ///< L^-1 b; first, so that no two lines of a cache hold it: blocks of S read it out of order
   double inverse[6];  ///< of L, lower triangle; 0: it does not move (along this direction)
-  double b[3];
+  double b[3];        ///< negative gradient
 };
 
 /// Lanes that hold a column of V numbers. What is beyond V is read, so arrays of columns have room for column_slack more.
@@ -29,24 +29,26 @@ inline constexpr int column_lanes = TURBOMAP_VECTOR_BYTES == 0 ? V
                                     : (V + 3) / 4 * 4 == 4     ? 4
                                                                : (V + 7) / 8 * 8;
 
-inline constexpr int column_slack = 16;
+inline constexpr int column_slack = 16;  ///< see column_lanes
 
 /// \tparam A  numbers of the normal equations of landmarks
 template <class A>
 struct schur_view : sum_lists<list_pointer>, block_lists<list_pointer> {
-  int free_frames = 0, landmarks = 0;
+  int free_frames = 0;                           ///< frames that move
+  int landmarks = 0;                             ///< all, fixed ones included
   int blocks = 0;                                ///< 0: not formed
   const std::uint8_t* landmark_fixed = nullptr;  ///< null: none
-  factor_sums<A> sums{};
-  A* eliminated = nullptr;  ///< [slot] Z = coupling L^-T, as couplings
-  eliminated_landmark* landmark = nullptr;
+  factor_sums<A> sums{};                         ///< what the factors were summed into
+  A* eliminated = nullptr;                       ///< [slot] Z = coupling L^-T, as couplings
+  eliminated_landmark* landmark = nullptr;       ///< [landmark]
   // Where sums.coupling is null, couplings are made of rows (row_couplings.hpp), and of these:
   const A* axes = nullptr;            ///< [free frame]
   const double* centres = nullptr;    ///< [free frame] landmark_stride
   const double* positions = nullptr;  ///< of the landmarks where the rows were computed
-  double* H = nullptr;  ///< [free frame] lower triangle
-  double* b = nullptr;  ///< [free frame]
+  double* H = nullptr;                ///< [free frame] lower triangle
+  double* b = nullptr;                ///< [free frame]
 
+  /// Whether landmark l moves.
   TURBOMAP_HD bool moves(int l) const { return landmark_fixed == nullptr || landmark_fixed[l] == 0; }
 };
 

@@ -15,7 +15,8 @@ struct dense_equations {
   double* S;         ///< lower triangle, column by column of `stride` numbers; overwritten
   double* x;         ///< the right hand side, then the solution
   double* solved;    ///< 1, or 0: singular or not positive definite
-  int n, stride;     ///< unknowns; stride is a multiple of 8, and so many columns have room
+  int n;             ///< unknowns
+  int stride;        ///< a multiple of 8; so many columns have room
   double tolerance;  ///< see dense_cholesky::factorise
 };
 

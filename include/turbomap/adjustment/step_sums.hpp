@@ -26,14 +26,16 @@ struct step_report {
 
 /// What it is summed from, in the memory of the policy.
 struct step_parts {
-  const double* costs = nullptr;  ///< partial costs, then as many counts of what is not defined
-  std::size_t cost_count = 0;
-  const double* gains = nullptr;  ///< of the landmarks; null: there is no step, `predicted` is 0
-  std::size_t gain_count = 0;
-  const double *step = nullptr, *b = nullptr, *H = nullptr;  ///< of the free frames
-  std::size_t unknowns = 0;
+  const double* costs = nullptr;   ///< partial costs, then as many counts of what is not defined
+  std::size_t cost_count = 0;      ///< partial costs
+  const double* gains = nullptr;   ///< of the landmarks; null: there is no step, `predicted` is 0
+  std::size_t gain_count = 0;      ///< of the landmarks
+  const double* step = nullptr;    ///< of the free frames
+  const double* b = nullptr;       ///< [free frame] negative gradient
+  const double* H = nullptr;       ///< [free frame] lower triangle
+  std::size_t unknowns = 0;        ///< of the free frames
   const double* solved = nullptr;  ///< null: it was
-  turbomap::damping damping{0};
+  turbomap::damping damping{0};    ///< of the step
 };
 
 /// Of the normal equations of the first linearisation.
@@ -45,8 +47,8 @@ struct survey_report {
 /// A result in host memory that the policy can write, and whether it is there.
 template <class Report>
 struct awaited {
-  Report report;
-  std::int32_t ready;
+  Report report;       ///< the result
+  std::int32_t ready;  ///< not 0: the report is there
 };
 
 /// Sums a step where the policy computes, into `to`, which wait_for() waits for. Only for policies whose memory the host does not

@@ -22,7 +22,7 @@ namespace turbomap {
 
 /// Observations of one group, of one frame and kind, that are computed together.
 struct observation_chunk {
-  std::int32_t frame;
+  std::int32_t frame;  ///< number of the frame
   std::int32_t free;   ///< number among the free frames; -1: fixed
   std::int32_t kind;   ///< the group's own: e.g. camera and whether stereo
   std::int32_t begin;  ///< first entry, a multiple of observation_padding
@@ -31,27 +31,31 @@ struct observation_chunk {
 
 /// Two observations of one landmark by two frames, as numbers of slots.
 struct slot_pair {
-  std::int32_t first, second;
+  std::int32_t first;   ///< a slot
+  std::int32_t second;  ///< another slot of the same landmark
 };
 
 /// The two frames of a factor, as numbers among the free frames; -1: fixed.
 struct free_pair {
-  std::int32_t first, second;
+  std::int32_t first;   ///< of the first frame
+  std::int32_t second;  ///< of the second frame
 };
 
 /// A factor between two free frames as one of them sees it.
 struct frame_neighbour {
-  std::int32_t factor, other, is_first;
+  std::int32_t factor;    ///< number among the factors between two frames
+  std::int32_t other;     ///< the other free frame
+  std::int32_t is_first;  ///< 1: the frame that sees it is the factor's first
 };
 
 inline constexpr int observation_padding = 8;  ///< entries a frame's observations are padded to: lanes of a pack
 
 /// Observations of one group in the order they are computed in: by frame, kind, landmark.
 struct group_structure {
-  plain_vector<observation_chunk> chunks;
-  plain_vector<std::int32_t> source;    ///< [entry] row of the caller; padding repeats the last one
-  plain_vector<std::int32_t> landmark;  ///< [entry]
-  plain_vector<std::int32_t> row;       ///< [entry] place in the order by landmark
+  plain_vector<observation_chunk> chunks;  ///< in the order of frames
+  plain_vector<std::int32_t> source;       ///< [entry] row of the caller; padding repeats the last one
+  plain_vector<std::int32_t> landmark;     ///< [entry]
+  plain_vector<std::int32_t> row;          ///< [entry] place in the order by landmark
   /// [entry] place among the couplings of free frames with landmarks; -1: fixed frame
   plain_vector<std::int32_t> coupling;
 };
@@ -79,9 +83,10 @@ struct sum_lists {
 /// The lists of the blocks of the reduced matrix, for solvers that form it.
 template <template <class> class List>
 struct block_lists {
-  List<std::int32_t> block_row{}, block_column{};  ///< [block] free frames, row < column, in (row, column) order
-  List<std::int32_t> block_pair{};                 ///< [block + 1] into pairs
-  List<slot_pair> pairs{};
+  List<std::int32_t> block_row{};     ///< [block] free frame, below that of the column; in (row, column) order
+  List<std::int32_t> block_column{};  ///< [block] free frame
+  List<std::int32_t> block_pair{};    ///< [block + 1] into pairs
+  List<slot_pair> pairs{};            ///< of slots, block by block
   List<std::int32_t> block_factor{};  ///< [block + 1] into factor_list
   List<std::int32_t> factor_list{};   ///< 2 * factor between frames + (its first frame is the column)
 };
@@ -105,24 +110,32 @@ void for_each_block_list(A& a, B& b, Function f) {
   f(a.block_factor, b.block_factor), f(a.factor_list, b.factor_list);
 }
 
+/// A list on the host.
 template <class T>
 using list_on_host = plain_vector<T>;
+/// A pointer to the elements of a list.
 template <class T>
 using list_pointer = const T*;
 
 /// Made once on the host from the inputs of a problem.
 struct adjustment_structure : sum_lists<list_on_host>, block_lists<list_on_host> {
-  int frames = 0, landmarks = 0, free_frames = 0;
-  int partials = 0;         ///< chunks of all groups, in order: each gives one partial sum
-  int frame_factors = 0;    ///< factors of one frame and between two
-  int factor_partials = 0;  ///< partial sums that they give: one per frame
-  plain_vector<std::int32_t> frame_of_free;
-  std::vector<group_structure> groups;  ///< of the groups with landmarks
-  plain_vector<free_pair> frame_pairs;  ///< [factor between two frames]
+  int frames = 0;                            ///< all, fixed ones included
+  int landmarks = 0;                         ///< all, fixed ones included
+  int free_frames = 0;                       ///< frames that move
+  int partials = 0;                          ///< chunks of all groups, in order: each gives one partial sum
+  int frame_factors = 0;                     ///< factors of one frame and between two
+  int factor_partials = 0;                   ///< partial sums that they give: one per frame
+  plain_vector<std::int32_t> frame_of_free;  ///< [free frame] number of the frame
+  std::vector<group_structure> groups;       ///< of the groups with landmarks
+  plain_vector<free_pair> frame_pairs;       ///< [factor between two frames]
 
+  /// Observations of all groups.
   std::size_t rows() const { return landmark_row.empty() ? 0 : static_cast<std::size_t>(landmark_row.back()); }
+  /// Observations of free frames, of all groups.
   std::size_t couplings() const { return slot_coupling.empty() ? 0 : static_cast<std::size_t>(slot_coupling.back()); }
+  /// Pairs of a free frame and a landmark that it sees.
   std::size_t slots() const { return slot_frame.size(); }
+  /// Partial costs.
   std::size_t costs() const { return static_cast<std::size_t>(partials + frame_factors); }
 };
 

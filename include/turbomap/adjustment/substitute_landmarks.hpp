@@ -19,14 +19,15 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Index = some landmarks: their steps from those of the frames, their new positions, and sums of the step.
 template <class A, int V, int D>
 struct substitute_landmarks {
-  static constexpr int landmarks_per_index = 16;
-  schur_view<A> s;
-  const double* step;  ///< of the free frames, D each
-  turbomap::damping damping;
-  const double* from;
-  double* to;
+  static constexpr int landmarks_per_index = 16;  ///< landmarks that one thread takes
+  schur_view<A> s;                                ///< landmarks and lists
+  const double* step;                             ///< of the free frames, D each
+  turbomap::damping damping;                      ///< as in the elimination
+  const double* from;                             ///< [landmark] landmark_stride numbers: positions before the step
+  double* to;                                     ///< [landmark] landmark_stride numbers: positions after it
   double* predicted;  ///< [index] sum of dx (damping dx + b): the decrease a quadratic cost would have
 
+  /// The landmarks of index i.
   TURBOMAP_HD void operator()(int i) const {
     double gain = 0;
     const int end = (i + 1) * landmarks_per_index < s.landmarks ? (i + 1) * landmarks_per_index : s.landmarks;

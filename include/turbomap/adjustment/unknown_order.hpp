@@ -14,10 +14,12 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// Places of unknowns; see above. \tparam V, D  the first V of a frame's D unknowns come last
 template <int V, int D>
 struct unknown_order {
-  int frames;
+  int frames;  ///< free frames
 
+  /// Place of an unknown of a frame.
   int place(int frame, int unknown) const {
     return unknown < V ? frames * (D - V) + frame * V + unknown : frame * (D - V) + unknown - V;
   }
@@ -35,10 +37,12 @@ struct unknown_order {
           }
         }
   }
+  /// A vector into this order.
   void vector(const double* from, double* to) const {
     for (int f = 0; f < frames; ++f)
       for (int u = 0; u < D; ++u) to[place(f, u)] = from[f * D + u];
   }
+  /// A vector back into the order of the frames.
   void restore(const double* from, double* to) const {
     for (int f = 0; f < frames; ++f)
       for (int u = 0; u < D; ++u) to[f * D + u] = from[place(f, u)];

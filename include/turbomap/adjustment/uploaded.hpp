@@ -22,6 +22,7 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class T, class Memory>
 class resident_copy {
  public:
+  /// Nothing was sent. \param resource  memory of the policy; must outlive this
   explicit resident_copy(std::pmr::memory_resource* resource = default_resource(Memory{})) : copy_(resource) {}
 
   /// Makes `n` elements readable to the policy. Enqueued under CUDA; what is at `from` must stay until it has passed.
@@ -30,6 +31,7 @@ class resident_copy {
     copy_.resize_discard(n);
     copy_in(policy, copy_.data(), from, n * sizeof(T));
   }
+  /// The same for a list.
   template <class Policy>
   void send(const Policy& policy, const plain_vector<T>& from) {
     send(policy, from.data(), from.size());
@@ -46,16 +48,20 @@ class resident_copy {
 template <class T>
 class resident_copy<T, host_memory> {
  public:
+  /// Nothing was sent; needs no memory.
   explicit resident_copy(std::pmr::memory_resource* = nullptr) {}
 
+  /// Makes elements readable to the policy: they stay where they are.
   template <class Policy>
   void send(const Policy&, const T* from, std::size_t) {
     data_ = from;
   }
+  /// The same for a list.
   template <class Policy>
   void send(const Policy&, const plain_vector<T>& from) {
     data_ = from.data();
   }
+  /// Where the policy reads.
   const T* data() const { return data_; }
 
  private:
@@ -66,15 +72,20 @@ class resident_copy<T, host_memory> {
 template <class T, class Memory>
 class uploaded {
  public:
+  /// Empty. \param resource  memory of the policy; must outlive this
   explicit uploaded(std::pmr::memory_resource* resource) : resident_(resource) {}
 
+  /// What the host writes.
   plain_vector<T>& host() { return host_; }
+  /// What the host wrote.
   const plain_vector<T>& host() const { return host_; }
 
+  /// Makes what the host wrote readable to the policy.
   template <class Policy>
   void send(const Policy& policy) {
     resident_.send(policy, host_);
   }
+  /// Where the policy reads.
   const T* data() const { return resident_.data(); }
 
  private:

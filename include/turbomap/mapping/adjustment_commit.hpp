@@ -28,10 +28,12 @@ namespace turbomap {
 
 /// What a free frame has besides its pose: nothing. For adjustments of poses and points.
 struct pose_alone {
+  /// Whether what a free frame has besides its pose is as it was read.
   template <class Map, class Keyframe>
   bool unchanged(const Map&, const Keyframe&, std::size_t) const {
     return true;
   }
+  /// Writes what a free frame has besides its pose.
   template <class Map, class Keyframe>
   void write(Map&, const Keyframe&, std::size_t) {}
 };
@@ -60,10 +62,13 @@ inline void check(const local_adjustment_options& o) {
 template <class Map, class Policy>
 class adjustment_commit {
  public:
+  /// @{
+  /// Types of the map, as its traits name them; `scope` is what a stage is called with.
   using traits = map_traits<Map>;
   using keyframe = typename traits::keyframe;
   using point = typename traits::point;
   using scope = mapping_scope<Map, Policy>;
+  /// @}
 
   /// \name Results, which the stage fills in
   /// @{
@@ -72,6 +77,7 @@ class adjustment_commit {
   plain_vector<double> chi2, depth;            ///< by row, at the end
   /// @}
 
+  /// \param window, measurements  those of the stage; must outlive this
   explicit adjustment_commit(const adjustment_window<Map>& window, const window_measurements<Map, Policy>& measurements)
       : window_(window), measurements_(measurements) {}
 

@@ -29,15 +29,18 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map>
 class adjustment_window {
  public:
+  /// @{
+  /// Types of the map, as its traits name them.
   using traits = map_traits<Map>;
   using keyframe = typename traits::keyframe;
   using point = typename traits::point;
+  /// @}
 
   /// One observation: a row of the problem.
   struct row {
     std::int32_t frame;     ///< number in frames()
     std::int32_t landmark;  ///< number in points()
-    std::int32_t keypoint;
+    std::int32_t keypoint;  ///< keypoint index, within the keyframe
   };
 
   /// The caller holds the guard. \param current  alive and in the store
@@ -85,28 +88,38 @@ class adjustment_window {
     for (std::size_t f = 0; f < named; ++f) add_points_of(s.map, s.stored, f, true, s.faults);
     if (named != 0) hold_something(named);
   }
+  /// Nothing is in the window; the memory stays.
   void clear() {
     frames_.clear(), fixed_.clear(), keypoint_counts_.clear();
     point_numbers_.clear(), points_.clear(), positions_.clear();
     rows_frame_.clear(), rows_landmark_.clear(), rows_keypoint_.clear();
   }
 
+  /// The keyframes, in the order of their numbers.
   const keyframe_selection<Map>& frames() const { return frames_; }
   const plain_vector<std::uint8_t>& fixed() const { return fixed_; }  ///< by frame
+  /// The points, in the order of their numbers.
   const list_of<point>& points() const { return points_; }
   const plain_vector<vec3<double>>& positions() const { return positions_; }  ///< by point, world, m
+  /// Number of observations.
   std::size_t row_count() const { return rows_frame_.size(); }
+  /// Observation i (not checked).
   row at(std::size_t i) const { return {rows_frame_[i], rows_landmark_[i], rows_keypoint_[i]}; }
+  /// Of each observation, its frame.
   const plain_vector<std::int32_t>& frame_of_row() const { return rows_frame_; }
+  /// Of each observation, its point.
   const plain_vector<std::int32_t>& landmark_of_row() const { return rows_landmark_; }
+  /// Of each observation, the keypoint index within its keyframe.
   const plain_vector<std::int32_t>& keypoint_of_row() const { return rows_keypoint_; }
 
+  /// The position of a point in double, whatever scalar the map has; world, m.
   static vec3<double> position_of(const Map& map, point p) {
     const auto& x = traits::position(map, p);
     return {x.x, x.y, x.z};
   }
 
  protected:
+  /// Whether the map says that a keyframe is its frame of reference.
   static bool is_origin([[maybe_unused]] const Map& map, [[maybe_unused]] keyframe k) {
     if constexpr (detail::map_has_v<Map, detail::map_origin_member>)
       return traits::is_origin(map, k);
@@ -136,6 +149,7 @@ class adjustment_window {
     positions_.push_back(position_of(map, p));
     return true;
   }
+  /// Adds an observation; tells `faults` where the keyframe has no such keypoint.
   void add_row(const Map& map, std::size_t f, std::size_t number, std::size_t keypoint, fault_sink faults) {
     if (keypoint >= keypoint_counts_[f])
       return faults({map_fault::keypoint_out_of_range, frames_.ids()[f], traits::id(map, points_[number]), keypoint});
@@ -161,6 +175,7 @@ class adjustment_window {
       for_each_slot_ahead<point_data::entry + point_data::views>(map, frames_[f], add);
     }
   }
+  /// Adds a point and all of its observations, unless it is there.
   void add_point(const Map& map, const handle_table& stored, point p, bool hold, fault_sink faults) {
     std::size_t number;
     if (!place_point(map, p, faults, number)) return;
@@ -169,6 +184,7 @@ class adjustment_window {
       if (f != id_table::none) add_row(map, f, number, keypoint, faults);
     });
   }
+  /// Where no keyframe is fixed, fixes the oldest of the first `local`.
   void hold_something(std::size_t local) {
     for (const auto fixed : fixed_)
       if (fixed != 0) return;
@@ -178,13 +194,16 @@ class adjustment_window {
     fixed_[oldest] = 1;
   }
 
-  keyframe_selection<Map> frames_;
-  plain_vector<std::uint8_t> fixed_;
+  keyframe_selection<Map> frames_;             ///< the keyframes, fixed ones included
+  plain_vector<std::uint8_t> fixed_;           ///< 1: does not move; by frame
   plain_vector<std::size_t> keypoint_counts_;  ///< by frame
-  point_numbering<Map> point_numbers_;
-  list_of<point> points_;
-  plain_vector<vec3<double>> positions_;
+  point_numbering<Map> point_numbers_;         ///< from points of the map to their numbers
+  list_of<point> points_;                      ///< the points
+  plain_vector<vec3<double>> positions_;       ///< by point, world, m
+  /// @{
+  /// Columns of the observations.
   plain_vector<std::int32_t> rows_frame_, rows_landmark_, rows_keypoint_;
+  /// @}
 
  private:
   covisibility<Map> covisibility_;

@@ -28,13 +28,17 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map, class Policy>
 class appearance_update {
  public:
+  /// @{
+  /// Types of the map, as its traits name them; `scope` is what a stage is called with.
   using traits = map_traits<Map>;
   using point = typename traits::point;
   using keyframe = typename traits::keyframe;
   using descriptor = typename traits::descriptor;
   using camera = typename traits::camera;
   using scope = mapping_scope<Map, Policy>;
+  /// @}
 
+  /// \param ctx  its resource gives the memory, and must outlive this
   explicit appearance_update(const context<Policy>& ctx) : appearances_(ctx) {}
 
   /// \param points  those to be updated; dead ones, unobserved ones and repetitions are passed over, and so are observers

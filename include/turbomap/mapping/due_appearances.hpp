@@ -18,9 +18,10 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map, class Policy>
 class due_appearances {
  public:
-  using point = typename map_traits<Map>::point;
-  using scope = mapping_scope<Map, Policy>;
+  using point = typename map_traits<Map>::point;  ///< names a point
+  using scope = mapping_scope<Map, Policy>;       ///< what a stage is called with
 
+  /// Nothing is due. \param ctx  its resource gives the memory, and must outlive this
   explicit due_appearances(const context<Policy>& ctx) : appearance_(ctx) {}
 
   /// Their observations changed: descriptor, normal and range are due. Dead points and repetitions do no harm.
@@ -29,6 +30,7 @@ class due_appearances {
   void moved(span<const point> points) { append(points, moved_); }
   /// Nothing is due.
   void clear() { changed_.clear(), moved_.clear(); }
+  /// Whether nothing is due.
   bool empty() const { return changed_.empty() && moved_.empty(); }
 
   /// Updates all of them; then none is due, also where it throws what appearance_update throws.

@@ -30,13 +30,17 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map, class Policy>
 class duplicate_fusion {
  public:
+  /// @{
+  /// Types of the map, as its traits name them; `scope` is what a stage is called with.
   using traits = map_traits<Map>;
   using keyframe = typename traits::keyframe;
   using point = typename traits::point;
   using descriptor = typename traits::descriptor;
   using camera = typename traits::camera;
   using scope = mapping_scope<Map, Policy>;
+  /// @}
 
+  /// \param ctx  its resource gives the memory, and must outlive this
   explicit duplicate_fusion(const context<Policy>& ctx) : duplicates_(ctx), appearance_(ctx) {}
 
   /// The points of `query` in every target: searched and committed.
@@ -53,6 +57,7 @@ class duplicate_fusion {
   }
   /// Points that gained observations since begin(): their appearance is due.
   const list_of<point>& touched() const { return commit_.touched(); }
+  /// Begins with a new keyframe: no point has been touched.
   void begin() { commit_.clear(); }
 
  private:

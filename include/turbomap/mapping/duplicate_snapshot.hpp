@@ -25,12 +25,15 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map>
 class duplicate_snapshot {
  public:
+  /// @{
+  /// Types of the map, as its traits name them.
   using traits = map_traits<Map>;
   using keyframe = typename traits::keyframe;
   using point = typename traits::point;
   using descriptor = typename traits::descriptor;
+  /// @}
 
-  /// \param covariances  points come with their covariances, where the map keeps them; false: points are exact
+  /// No points. \param covariances  points come with their covariances, where the map keeps them; false: points are exact
   void clear(bool covariances = false) {
     keeps_covariances_ = covariances;
     seen_.clear();
@@ -91,6 +94,7 @@ class duplicate_snapshot {
             points_.size(), std::uint8_t{1});
   }
 
+  /// The points as a search takes them; valid until points are added.
   map_point_view<descriptor> points_view() const {
     return {static_cast<int>(points_.size()),
             positions_.data(),
@@ -100,6 +104,7 @@ class duplicate_snapshot {
             descriptors_.data(),
             covariances_.empty() ? nullptr : covariances_.data()};
   }
+  /// The points, in the order of their numbers.
   const list_of<point>& points() const { return points_; }
   /// Of each point, or of none: for maps that do not keep them.
   plain_vector<point_covariance>& covariances() { return covariances_; }

@@ -63,9 +63,12 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map>
 class fusion_commit {
  public:
+  /// @{
+  /// Types of the map, as its traits name them.
   using traits = map_traits<Map>;
   using keyframe = typename traits::keyframe;
   using point = typename traits::point;
+  /// @}
 
   /// The caller holds the guard of the map.
   /// \param plan     in its order; `target` and `point` of an entry index the next two
@@ -109,6 +112,7 @@ class fusion_commit {
   const list_of<point>& touched() const { return touched_; }
   /// The survivors of merges among them.
   const list_of<point>& survivors() const { return survivors_; }
+  /// No point has been touched.
   void clear() { touched_.clear(), survivors_.clear(); }
 
  private:

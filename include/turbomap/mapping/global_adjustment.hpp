@@ -32,14 +32,18 @@ class global_adjustment : private local_adjustment<Map, Policy, Methods> {
   using base::compute;
   using base::points;
   using base::points_that_lost_views;
+  /// @{
+  /// As of local_adjustment.
   using typename base::camera;
   using typename base::keyframe;
   using typename base::point;
   using typename base::scope;
   using typename base::traits;
+  /// @}
 
   /// One for the scope's map and context: `global_adjustment adjust(scope);`.
   explicit global_adjustment(const scope& s) : global_adjustment(s.ctx) {}
+  /// \param ctx  must outlive this
   explicit global_adjustment(context<Policy>& ctx) : base(ctx) {}
 
   /// Adjusts the map that a keyframe is part of: all keyframes that are connected with it through shared points, directly or
@@ -91,6 +95,7 @@ class global_adjustment : private local_adjustment<Map, Policy, Methods> {
   }
 };
 
+/// Of a scope's map and policy.
 template <class Map, class Policy>
 global_adjustment(const mapping_scope<Map, Policy>&) -> global_adjustment<Map, Policy>;
 

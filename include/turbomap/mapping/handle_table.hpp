@@ -33,6 +33,7 @@ class handle_table {
     handle = entries_[at].handle;
     return true;
   }
+  /// Whether a keyframe is in the store. O(log keyframes).
   bool contains(std::uint64_t id) const { return is_at(place(id), id); }
   /// Throws std::invalid_argument for a keyframe that is not in the store.
   keyframe_handle at(std::uint64_t id) const {
@@ -40,18 +41,21 @@ class handle_table {
     require(is_at(at, id), "keyframe id", id, "is not in the store: insert the keyframe first");
     return entries_[at].handle;
   }
+  /// Forgets a keyframe, if it is there. O(keyframes).
   void erase(std::uint64_t id) {
     std::size_t at = place(id);
     if (!is_at(at, id)) return;
     for (; at + 1 < entries_.size(); ++at) entries_[at] = entries_[at + 1];
     entries_.pop_back();
   }
+  /// Number of keyframes.
   std::size_t size() const { return entries_.size(); }
   /// Calls f(handle) for each, by ascending id.
   template <class F>
   void for_each_handle(F f) const {
     for (const entry& e : entries_) f(e.handle);
   }
+  /// Forgets all.
   void clear() { entries_.clear(); }
 
  private:

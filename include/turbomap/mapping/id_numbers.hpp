@@ -15,10 +15,12 @@
 
 namespace turbomap {
 
+/// A number for each id that is there, -1 for every other. All O(1) amortised.
 class id_numbers {
  public:
-  static constexpr std::int32_t none = -1;
+  static constexpr std::int32_t none = -1;  ///< find() of an id that has no number
 
+  /// The number of an id, or none.
   std::int32_t find(std::uint64_t id) const {
     const std::size_t at = table_.find(id);
     return at == id_table::none ? none : numbers_[at];
@@ -42,6 +44,7 @@ class id_numbers {
     gone_ -= numbers_[at] == none && number != none ? 1 : 0;
     numbers_[at] = number;
   }
+  /// The id has no number from now on. Does not throw.
   void erase(std::uint64_t id) {
     const std::size_t at = table_.find(id);
     if (at == id_table::none || numbers_[at] == none) return;

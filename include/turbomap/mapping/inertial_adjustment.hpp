@@ -49,14 +49,19 @@ inline void check(const inertial_adjustment_options& o) {
 template <class Map, class Policy, class Methods = adjustment_methods<>>
 class inertial_adjustment {
  public:
+  /// @{
+  /// Types of the map, as its traits name them; `scope` is what a stage is called with.
   using traits = map_traits<Map>;
   using keyframe = typename traits::keyframe;
   using point = typename traits::point;
   using camera = typename traits::camera;
   using scope = mapping_scope<Map, Policy>;
-  static constexpr bool inertial = true;
+  /// @}
+  static constexpr bool inertial = true;  ///< tells a local_mapper that this stage uses an IMU
 
+  /// One for the scope's map and context: `inertial_adjustment adjust(scope);`.
   explicit inertial_adjustment(const scope& s) : inertial_adjustment(s.ctx) {}
+  /// \param ctx  must outlive this
   explicit inertial_adjustment(context<Policy>& ctx)
       : visual_(ctx), measurements_(ctx), problem_(ctx), commit_(window_, measurements_) {
     static_assert(require_inertial_traits<Map>());
@@ -143,12 +148,16 @@ class inertial_adjustment {
 
   /// \name What a local_mapper in inertial mode asks for besides. The caller holds the guard
   /// @{
+
+  /// Whether the IMU of the map is initialised.
   static bool is_initialised(const Map& map) { return inertial_traits<Map>::initialised(map); }
+  /// A keyframe is about to be erased: joins the motions before and after it.
   static void erasing(Map& map, const keyframe& redundant) { bridge_motion(map, redundant); }
   /// @}
 
   /// As of local_adjustment.
   const list_of<point>& points() const { return is_inertial_ ? window_.points() : visual_.points(); }
+  /// As of local_adjustment.
   const list_of<point>& points_that_lost_views() const {
     return is_inertial_ ? commit_.points_that_lost_views() : visual_.points_that_lost_views();
   }
@@ -208,6 +217,7 @@ class inertial_adjustment {
   adjustment_commit<Map, Policy> commit_;
 };
 
+/// Of a scope's map and policy.
 template <class Map, class Policy>
 inertial_adjustment(const mapping_scope<Map, Policy>&) -> inertial_adjustment<Map, Policy>;
 

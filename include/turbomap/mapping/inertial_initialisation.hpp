@@ -31,9 +31,12 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map>
 class inertial_initialisation {
  public:
+  /// @{
+  /// Types of the map, as its traits name them.
   using traits = map_traits<Map>;
   using inertial = inertial_traits<Map>;
   using keyframe = typename traits::keyframe;
+  /// @}
 
   /// Looks back in time from a keyframe, as far as motions are known, options.most_seconds at most. With bias_changed() of the
   /// traits the samples are integrated again at the biases that were found, and the estimate is repeated; where a repetition finds

@@ -30,9 +30,12 @@ class inertial_window : public adjustment_window<Map> {
   using base = adjustment_window<Map>;
 
  public:
+  /// @{
+  /// Types of the map, as its traits name them.
   using traits = map_traits<Map>;
   using keyframe = typename traits::keyframe;
   using point = typename traits::point;
+  /// @}
 
   /// The caller holds the guard. \param current  alive and in the store
   ///
@@ -70,6 +73,7 @@ class inertial_window : public adjustment_window<Map> {
       held_.push_back(inertial_frame::visual_only);
     }
   }
+  /// Nothing is in the window; the memory stays.
   void clear() {
     base::clear();
     states_.clear(), held_.clear(), usable_.clear();
@@ -81,6 +85,7 @@ class inertial_window : public adjustment_window<Map> {
   std::size_t joined() const { return joined_; }  ///< of them, how many have a motion from the one before
   const plain_vector<inertial_state<double>>& states() const { return states_; }  ///< by frame
   const plain_vector<std::uint32_t>& held() const { return held_; }               ///< by frame: frame_input::held
+  /// What the IMU measured between frames that follow each other, and how biases may walk.
   const inertial_edges& edges() const { return edges_; }
 
  private:

@@ -38,10 +38,10 @@ enum class culling_verdict : std::uint8_t {
 /// One keyframe that was looked at; `id` outlives the keyframe.
 template <class Keyframe>
 struct culling_record {
-  Keyframe keyframe;
-  std::uint64_t id;
-  redundancy count;
-  culling_verdict verdict;
+  Keyframe keyframe;        ///< its name in the map
+  std::uint64_t id;         ///< its id
+  redundancy count;         ///< its counted observations
+  culling_verdict verdict;  ///< what became of it
 };
 
 }  // namespace turbomap
@@ -118,10 +118,10 @@ redundancy count_redundant(const Map& map, typename map_traits<Map>::keyframe ke
 /// Where the current keyframe stands in time: what the guards of inertial systems ask for.
 template <class Map>
 struct temporal_state {
-  using keyframe = typename map_traits<Map>::keyframe;
-  std::size_t keyframes = 0;     ///< in the map; more than needed may be left uncounted
-  std::uint64_t first_kept = 0;  ///< id of the earliest keyframe of the last ones, which stay
-  std::uint64_t old_before = 0;  ///< ids below are older than the keep_keyframes-th predecessor
+  using keyframe = typename map_traits<Map>::keyframe;  ///< names a keyframe
+  std::size_t keyframes = 0;                            ///< in the map; more than needed may be left uncounted
+  std::uint64_t first_kept = 0;                         ///< id of the earliest keyframe of the last ones, which stay
+  std::uint64_t old_before = 0;                         ///< ids below are older than the keep_keyframes-th predecessor
 
   /// Follows previous() from the current keyframe, no farther than needed.
   static temporal_state of(const Map& map, keyframe current, const keyframe_culling_options& options) {
@@ -162,6 +162,7 @@ bool leaves_gap(const Map& map, typename map_traits<Map>::keyframe keyframe, con
 
 /// As a hook: does nothing.
 struct ignore_keyframe {
+  /// Does nothing.
   template <class Keyframe>
   void operator()(const Keyframe&) const {}
 };
@@ -241,10 +242,13 @@ void cull_keyframes(Map& map, typename map_traits<Map>::keyframe current,
 template <class Map, class Policy>
 class keyframe_culling {
  public:
+  /// @{
+  /// Types of the map, as its traits name them; `scope` is what a stage is called with.
   using traits = map_traits<Map>;
   using keyframe = typename traits::keyframe;
   using point = typename traits::point;
   using scope = mapping_scope<Map, Policy>;
+  /// @}
 
   /// Chooses the candidates: covisible keyframes that are in the store.
   /// \param most  no more than so many, those that share most; 0: all

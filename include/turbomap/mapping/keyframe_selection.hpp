@@ -23,9 +23,10 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map>
 class keyframe_selection {
  public:
-  using traits = map_traits<Map>;
-  using keyframe = typename traits::keyframe;
+  using traits = map_traits<Map>;              ///< traits of the map
+  using keyframe = typename traits::keyframe;  ///< names a keyframe
 
+  /// None; the memory stays.
   void clear() {
     numbers_.clear();
     keyframes_.clear(), ids_.clear();
@@ -53,11 +54,17 @@ class keyframe_selection {
   /// Its number, or id_table::none.
   std::size_t find(const Map& map, keyframe k) const { return numbers_.find(map, k); }
 
+  /// Number of keyframes.
   std::size_t size() const { return keyframes_.size(); }
+  /// Keyframe i (not checked).
   keyframe operator[](std::size_t i) const { return keyframes_[i]; }
+  /// The keyframes in the order of their numbers.
   const list_of<keyframe>& keyframes() const { return keyframes_; }
+  /// Their ids.
   const plain_vector<std::uint64_t>& ids() const { return ids_; }
+  /// Their poses when they were taken in, world to body.
   const plain_vector<rigid_transform<double>>& T_cw() const { return T_cw_; }
+  /// Their handles in the store.
   const plain_vector<keyframe_handle>& handles() const { return handles_; }
 
  private:

@@ -28,14 +28,18 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map, class Policy, class Methods = adjustment_methods<>>
 class local_adjustment {
  public:
+  /// @{
+  /// Types of the map, as its traits name them; `scope` is what a stage is called with.
   using traits = map_traits<Map>;
   using keyframe = typename traits::keyframe;
   using point = typename traits::point;
   using camera = typename traits::camera;
   using scope = mapping_scope<Map, Policy>;
+  /// @}
 
   /// One for the scope's map and context: `local_adjustment adjust(scope);`.
   explicit local_adjustment(const scope& s) : local_adjustment(s.ctx) {}
+  /// \param ctx  must outlive this
   explicit local_adjustment(context<Policy>& ctx) : measurements_(ctx), problem_(ctx), commit_(window_, measurements_) {
     static_assert(detail::map_has_v<Map, detail::map_adjust_member>,
                   "turbomap: local_adjustment needs map_traits with set_pose and set_position; see docs/map.md");
@@ -107,13 +111,14 @@ class local_adjustment {
     summary.solve.end = adjustment_end::no_observations;
     window_.clear();
   }
+  /// Counts what is in the window.
   void count(local_adjustment_summary& summary) const {
     for (const auto fixed : window_.fixed()) ++(fixed != 0 ? summary.fixed_keyframes : summary.free_keyframes);
     summary.points = window_.points().size();
     summary.observations = window_.row_count();
   }
 
-  adjustment_window<Map> window_;
+  adjustment_window<Map> window_;  ///< what is adjusted
 
  private:
   window_measurements<Map, Policy> measurements_;
@@ -121,6 +126,7 @@ class local_adjustment {
   adjustment_commit<Map, Policy> commit_;
 };
 
+/// Of a scope's map and policy.
 template <class Map, class Policy>
 local_adjustment(const mapping_scope<Map, Policy>&) -> local_adjustment<Map, Policy>;
 

@@ -40,6 +40,8 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map>
 class map_mirror {
  public:
+  /// @{
+  /// Types of the user's map, as its traits name them; `keyframe` and `point` are the mirror's own names.
   using user_traits = map_traits<Map>;
   using user_keyframe = typename user_traits::keyframe;
   using user_point = typename user_traits::point;
@@ -47,7 +49,9 @@ class map_mirror {
   using element = typename descriptor::element;
   using keyframe = map_keyframe_id;
   using point = map_point_id;
+  /// @}
 
+  /// Empty. \param map  must outlive this
   explicit map_mirror(Map& map) : map_(map) {
     take_point(user_point{}, 0), point_places_.retire(gone);  // place 0 stands for whatever is not alive
     take_keyframe(user_keyframe{}, 0), keyframe_places_.retire(gone);
@@ -56,14 +60,17 @@ class map_mirror {
   map_mirror(const map_mirror&) = delete;
   map_mirror& operator=(const map_mirror&) = delete;
 
+  /// The user's map.
   Map& map() const { return map_; }
 
   // ---- what others report; from any thread, with or without the guard; heard when the next keyframe is processed ----
 
+  /// The point is another than it was: position, observations, whatever it has.
   void changed(const user_point& p) {
     const std::lock_guard<std::mutex> lock(mutex_);
     changed_points_.push_back(p);
   }
+  /// The keyframe is another than it was: its pose, its slots.
   void changed(const user_keyframe& k) {
     const std::lock_guard<std::mutex> lock(mutex_);
     changed_keyframes_.push_back(k);
@@ -216,6 +223,7 @@ class map_mirror {
     if (!user_traits::alive(map_, name)) return keyframe_at(gone);
     return keyframe_at(take_keyframe(name, user_traits::id(map_, name)));
   }
+  /// The same of a point; no name: none.
   point number(const user_point& name) const {
     if (name == user_point{}) return {};
     const std::uint64_t id = user_traits::id(map_, name);
@@ -225,7 +233,9 @@ class map_mirror {
     if (!user_traits::alive(map_, name)) return point_at(gone);
     return point_at(take_point(name, id));
   }
+  /// What the user calls a keyframe.
   const user_keyframe& name(keyframe k) const { return keyframes_[k.index < 0 ? gone : at(k)].name; }
+  /// What the user calls a point.
   const user_point& name(point p) const { return names_[p.index < 0 ? gone : at(p)]; }
 
  private:

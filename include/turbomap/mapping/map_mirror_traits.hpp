@@ -15,8 +15,11 @@
 
 namespace turbomap {
 
+/// A mirror as stages see it.
 template <class Map>
 struct map_traits<map_mirror<Map>> {
+  /// @{
+  /// As the member of this name of map_traits (map/map_traits.hpp): of the mirror, or of the user's map where it says so.
   using mirror = map_mirror<Map>;
   using user = map_traits<Map>;
   using keyframe = map_keyframe_id;
@@ -214,9 +217,11 @@ struct map_traits<map_mirror<Map>> {
     m.lists_.close(m.at(p));
     m.lose_point(m.at(p), replacement);
   }
+  /// @}
 
   // ---- look_again.hpp ----
 
+  /// Reads again what decides about a point in a commit: whether it is alive, its reference, its observations.
   static void look_again(const mirror& m, point p) {
     if (!m.known(p) || !m.point_places_.alive(p.index)) return;
     if (of(m, p).read == 0 || !user::alive(m.map(), m.name(p)))
@@ -232,12 +237,14 @@ struct map_traits<map_mirror<Map>> {
     }
     m.ensure(p);
   }
+  /// Reads again whether a keyframe is alive, and its pose.
   static void look_again(const mirror& m, keyframe k) {
     if (!m.known(k) || !m.keyframe_places_.alive(k.index)) return;
     const auto name = m.name(k);
     if (!user::alive(m.map(), name)) return m.lose_keyframe(m.at(k));
     m.look_at_pose(m.at(k), name);
   }
+  /// Reads again whether a keyframe is alive, and one of its slots.
   static void look_again(const mirror& m, keyframe k, std::size_t i) {
     if (!m.known(k) || !m.keyframe_places_.alive(k.index)) return;
     m.ensure(k);
@@ -246,6 +253,7 @@ struct map_traits<map_mirror<Map>> {
     if (!user::alive(m.map(), name)) return m.lose_keyframe(m.at(k));
     m.read_slot(m.at(k), i, name);
   }
+  /// Reads again whether a point is alive, and its position.
   static void look_at_position(const mirror& m, point p) {
     if (!m.known(p) || !m.point_places_.alive(p.index)) return;
     const auto name = m.name(p);

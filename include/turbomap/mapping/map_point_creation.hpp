@@ -30,6 +30,8 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map, class Policy>
 class map_point_creation {
  public:
+  /// @{
+  /// Types of the map, as its traits name them; `scope` is what a stage is called with.
   using traits = map_traits<Map>;
   using keyframe = typename traits::keyframe;
   using point = typename traits::point;
@@ -37,7 +39,9 @@ class map_point_creation {
   using camera = typename traits::camera;
   using scope = mapping_scope<Map, Policy>;
   using search_type = neighbour_search<Map, Policy>;
+  /// @}
 
+  /// \param ctx  its resource gives the memory, and must outlive this
   explicit map_point_creation(const context<Policy>& ctx)
       : pairs_(ctx), tracks_(ctx), track_points_(ctx), appearances_(ctx) {}
 
@@ -77,6 +81,7 @@ class map_point_creation {
   const list_of<point>& due() const { return due_; }
   /// Correspondences that the last call used.
   std::size_t matches() const { return matches_; }
+  /// What became of the matches of the last call.
   const creation_summary& summary() const { return summary_; }
 
  private:

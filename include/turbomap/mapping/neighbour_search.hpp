@@ -29,6 +29,8 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map, class Policy>
 class neighbour_search {
  public:
+  /// @{
+  /// Types of the map, as its traits name them; `scope` is what a stage is called with.
   using traits = map_traits<Map>;
   using keyframe = typename traits::keyframe;
   using point = typename traits::point;
@@ -36,7 +38,9 @@ class neighbour_search {
   using camera = typename traits::camera;
   using scope = mapping_scope<Map, Policy>;
   using matches_type = correspondences<descriptor, camera, Policy>;
+  /// @}
 
+  /// \param ctx  its resource gives the memory, and must outlive this
   explicit neighbour_search(const context<Policy>& ctx) : matches_(ctx) {}
 
   /// Poses and masks of the keyframe and of its neighbours whose baseline suffices. Nothing, an empty selection(), if the
@@ -76,10 +80,13 @@ class neighbour_search {
   /// Gives the keyframes back to the store.
   void release() { pinned_ = {}; }
 
+  /// Number of neighbours that were chosen.
   std::size_t neighbour_count() const { return selection_.size() == 0 ? 0 : selection_.size() - 1; }
   /// Number 0 is the query, 1 + n is neighbour n; pinned from compute() to release().
   span<const posed_keyframe<descriptor, camera>> posed() const { return posed_; }
+  /// The keyframes of posed(), as the map names them.
   const keyframe_selection<Map>& selection() const { return selection_; }
+  /// The matches, where the policy computes.
   const matches_type& matches() const { return matches_; }
   /// Whether search_options::stop has ended compute(): matches() then refers to no neighbours.
   bool stopped() const { return matches_.view().neighbour_count == 0 && neighbour_count() > 0; }

@@ -73,7 +73,7 @@ map_point_culling_summary cull_recent_points(Map& map, List& recent, std::int64_
 template <class Map, class Policy>
 class point_culling {
  public:
-  using point = typename map_traits<Map>::point;
+  using point = typename map_traits<Map>::point;  ///< names a point
 
   /// Puts points on probation. \param now  number of the keyframe
   void watch(span<const point> points, std::int64_t now) {
@@ -81,6 +81,7 @@ class point_culling {
   }
   /// No point is on probation.
   void clear() { recent_.clear(); }
+  /// Looks at every point on probation, under the guard; takes out of the map those that fail. \param now  number of the keyframe
   map_point_culling_summary operator()(const mapping_scope<Map, Policy>& s, std::int64_t now,
                                        const map_point_culling_options& options) {
     const auto guard = s.guard();

@@ -30,10 +30,11 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map, class Policy>
 class window_measurements {
  public:
-  using descriptor = typename map_traits<Map>::descriptor;
-  using camera = typename map_traits<Map>::camera;
-  using view = keyframe_view<descriptor, camera>;
+  using descriptor = typename map_traits<Map>::descriptor;  ///< type of the map's descriptors
+  using camera = typename map_traits<Map>::camera;          ///< type of its cameras
+  using view = keyframe_view<descriptor, camera>;           ///< a keyframe in the store
 
+  /// Empty. \param ctx  its resources give the memory, and must outlive this
   explicit window_measurements(const context<Policy>& ctx)
       : inputs_(ctx.resource()),
         pixel_(ctx.staging_resource()),
@@ -66,10 +67,15 @@ class window_measurements {
     return rows;
   }
 
+  /// Of each row: u, v, u_right, px; negative u_right: none.
   span<const vec3<double>> pixel() const { return pixel_; }
+  /// Of each row: 1 / sigma^2, px^-2.
   span<const double> information() const { return information_; }
+  /// Of each row: index into cameras().
   span<const std::uint8_t> camera_of_row() const { return camera_; }
+  /// The cameras of all rigs in the window.
   rig_view<camera> cameras() const { return {cameras_.data(), static_cast<int>(cameras_.size())}; }
+  /// Whether a row has a u_right that its camera can use.
   bool is_stereo(std::size_t row) const {
     const double u_right = pixel_.data()[row].z;
     return u_right >= 0 && detail::is_finite(u_right) && cameras_[camera_.data()[row]].bf > 0;

@@ -33,8 +33,9 @@ inline constexpr bool is_mirrored_v = detail::is_mirrored<map_traits<Map>>::valu
 template <class Map, bool Mirrored = is_mirrored_v<Map>>
 class working_map : public map_mirror<Map> {
  public:
-  using type = map_mirror<Map>;
+  using type = map_mirror<Map>;  ///< what the stages work on
   using map_mirror<Map>::map_mirror;
+  /// What the stages work on.
   type& get() { return *this; }
 };
 
@@ -42,20 +43,26 @@ class working_map : public map_mirror<Map> {
 template <class Map>
 class working_map<Map, false> {
  public:
-  using type = Map;
-  using keyframe = typename map_traits<Map>::keyframe;
-  using point = typename map_traits<Map>::point;
+  using type = Map;                                     ///< what the stages work on
+  using keyframe = typename map_traits<Map>::keyframe;  ///< names a keyframe
+  using point = typename map_traits<Map>::point;        ///< names a point
 
+  /// \param map  must outlive this
   explicit working_map(Map& map) : map_(map) {}
+  /// What the stages work on.
   Map& get() { return map_; }
+  /// The user's name.
   template <class Name>
   const Name& number(const Name& name) const {
     return name;
   }
+  /// The user's name.
   template <class Name>
   const Name& name(const Name& name) const {
     return name;
   }
+  /// @{
+  /// As the member of this name of map_mirror: there is nothing to do.
   void forget(const point&) const {}
   void take_associations(const keyframe&) const {}
   template <class Name>
@@ -66,6 +73,7 @@ class working_map<Map, false> {
   std::size_t check_sample(double) { return 0; }
   void removed(std::uint64_t) {}
   void reset() {}
+  /// @}
 
  private:
   Map& map_;

@@ -18,16 +18,21 @@ TURBOMAP_BEGIN_NAMESPACE
 /// The threads of a block as the team of a frame.
 class team_of_block {
  public:
+  /// @{
+  /// As of team_of_one.
   static constexpr int warps = adjust_poses_tuning::warps, size = warps * warp_size, most = team_of_one::most;
+  /// @}
   /// Of the block, in shared memory.
   struct memory {
-    double of_warp[warps][most];
-    double total[2][most];
+    double of_warp[warps][most];  ///< sums of each warp
+    double total[2][most];        ///< by place
   };
-  int rank;
+  int rank;  ///< number of this thread
 
+  /// \param m  in shared memory
   __device__ explicit team_of_block(memory& m) : rank(static_cast<int>(threadIdx.x)), memory_(m) {}
 
+  /// As of team_of_one. All threads of the block call it.
   template <int N>
   TURBOMAP_HD const double* sum(const double (&x)[N], int place) const {
     static_assert(N <= most);

@@ -21,17 +21,27 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// What the kernels work on.
 struct block_listing {
+  /// @{
+  /// As of sum_lists.
   const std::int32_t *frame_slot, *slot_list, *slot_landmark, *slot_frame;
+  /// @}
+  /// @{
+  /// How many there are.
   int free_frames, landmarks, slots, blocks;
+  /// @}
   std::int32_t* slot_of;  ///< [free frame][landmark]; -1: none
+  /// @{
+  /// As of block_lists.
   std::int32_t *row, *column;
+  /// @}
   std::int32_t* begin;  ///< [block + 1]: lengths, then where each list begins
-  slot_pair* pairs;
+  slot_pair* pairs;     ///< as of block_lists; null: lengths are counted
 };
 
 /// Index = slot.
 struct enter_slot {
-  block_listing w;
+  block_listing w;  ///< the table
+  /// One slot.
   TURBOMAP_HD void operator()(int slot) const {
     w.slot_of[static_cast<std::ptrdiff_t>(w.slot_frame[slot]) * w.landmarks + w.slot_landmark[slot]] = slot;
   }

@@ -16,66 +16,66 @@ TURBOMAP_BEGIN_NAMESPACE
 /// thread per chunk.
 template <>
 struct observation_shape<device_memory> {
-  static constexpr int lanes = 1;
-  static constexpr int chunk = observation_padding;
+  static constexpr int lanes = 1;                    ///< a thread per observation
+  static constexpr int chunk = observation_padding;  ///< observations of a chunk
 };
 
 /// launch_sum_frames: one block per frame. Its warps take the partial sums of the frame in turn, a lane one element of each.
 struct sum_frames_tuning {
-  static constexpr int warps = 16;
+  static constexpr int warps = 16;  ///< per block
 };
 
 /// launch_linearise_reprojections, launch_sum_reprojection_cost: a lane per observation of a chunk.
 struct linearise_tuning {
-  static constexpr int lanes = observation_padding;
-  static constexpr int threads = 128;
+  static constexpr int lanes = observation_padding;  ///< per chunk
+  static constexpr int threads = 128;                ///< per block
 };
 
 /// launch_eliminate_landmarks, launch_substitute_landmarks: 8 lanes per landmark, which free frames see 5 to 30 times. A block
 /// has the landmarks of one index of substitute_landmarks.
 struct landmark_tuning {
-  static constexpr int lanes = 8;
-  static constexpr int landmarks = 16;
-  static constexpr int threads = lanes * landmarks;
+  static constexpr int lanes = 8;                    ///< per landmark
+  static constexpr int landmarks = 16;               ///< per block
+  static constexpr int threads = lanes * landmarks;  ///< per block
 };
 
 /// launch_reduce_blocks: 4 warps per block of the matrix. Lists have up to a thousand entries, and a window about 500 blocks:
 /// one warp per scheduler of a large device if each had one.
 struct reduce_blocks_tuning {
-  static constexpr int warps = 4;
+  static constexpr int warps = 4;           ///< per block
   static constexpr int most_unknowns = 12;  ///< of a frame: a thread keeps their square; for more the generic body
 };
 
 /// launch_multiply_frames: a block per frame, which has hundreds to thousands of slots. (launch_gather_landmarks: landmark_tuning)
 struct schur_product_tuning {
-  static constexpr int warps = 8;
+  static constexpr int warps = 8;  ///< per block
 };
 
 /// launch_adjust_poses: a block per frame, which has a few hundred to a thousand observations. The same for one frame and for
 /// thousands, so that the bits of a frame do not depend on the others.
 struct adjust_poses_tuning {
-  static constexpr int warps = 8;
+  static constexpr int warps = 8;  ///< per block
 };
 
 /// launch_list_blocks: a warp per two of up to `frames` free frames, whose table of slots has a row each; one block scans the
 /// lengths of their lists.
 struct list_blocks_tuning {
-  static constexpr int threads = 256;
-  static constexpr int scan_threads = 1024;
-  static constexpr int frames = 128;
+  static constexpr int threads = 256;        ///< per block
+  static constexpr int scan_threads = 1024;  ///< of the block that scans
+  static constexpr int frames = 128;         ///< the most that the table has rows for
 };
 
 /// launch_sum_step, launch_survey_frames: one block, which has some thousands of numbers to add up.
 struct sum_step_tuning {
-  static constexpr int threads = 1024;
+  static constexpr int threads = 1024;  ///< per block
 };
 
 /// launch_solve_dense: a block of 16 warps, a warp per tile. Systems of up to `unknowns` (25 frames of 15, 64 of 6); larger ones
 /// the host solves. The tiles fit the shared memory of a block for up to 224 unknowns where it has 227 KiB, 192 where it has 163,
 /// 144 where it has 99, 112 where it has 64; those of larger systems stay where they are.
 struct solve_dense_tuning {
-  static constexpr int threads = 512;
-  static constexpr int unknowns = 384;
+  static constexpr int threads = 512;   ///< per block
+  static constexpr int unknowns = 384;  ///< the most that a block solves
 };
 
 TURBOMAP_END_NAMESPACE

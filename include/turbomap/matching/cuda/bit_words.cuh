@@ -33,11 +33,13 @@ __device__ inline int count_bits(const std::uint32_t (&w)[8]) {
 /// Any descriptor: read anew for each comparison.
 template <class Descriptor>
 struct kept_descriptor {
-  const typename Descriptor::element* at;
+  const typename Descriptor::element* at;  ///< the descriptor, where it is
 
   /// Whether descriptors that begin at `first` can be kept this way.
   __device__ static bool fits(const typename Descriptor::element*) { return true; }
+  /// Notes where a descriptor is.
   __device__ static kept_descriptor load(const typename Descriptor::element* from) { return {from}; }
+  /// As of the descriptor.
   __device__ typename Descriptor::distance_type distance(const kept_descriptor& b) const {
     return Descriptor::distance(at, b.at);
   }
@@ -46,13 +48,16 @@ struct kept_descriptor {
 /// Bits in rows of whole words, which begin at multiples of 16 bytes where a row is as long, else of 4.
 template <int Bits>
 struct kept_bits {
-  using element = std::uint8_t;
-  static constexpr int words = Bits / 32, step = words % 4 == 0 ? 4 : 1;
-  std::uint32_t word[words];
+  using element = std::uint8_t;                        ///< of a row
+  static constexpr int words = Bits / 32;              ///< of 32 bits
+  static constexpr int step = words % 4 == 0 ? 4 : 1;  ///< words per load
+  std::uint32_t word[words];                           ///< the bits
 
+  /// Whether descriptors that begin at `first` can be kept this way.
   __device__ static bool fits(const element* first) {
     return reinterpret_cast<std::uintptr_t>(first) % (4 * step) == 0;
   }
+  /// Loads a descriptor for which fits() held.
   __device__ static kept_bits load(const element* from) {
     kept_bits r;
     if constexpr (step == 4) {
@@ -67,6 +72,7 @@ struct kept_bits {
     }
     return r;
   }
+  /// Number of bits that differ.
   __device__ std::int32_t distance(const kept_bits& b) const {
     int count = 0;
 #pragma unroll
@@ -85,11 +91,13 @@ struct kept_bits {
 /// How descriptors are kept where their rows fit.
 template <class Descriptor>
 struct kept_form {
-  using type = kept_descriptor<Descriptor>;
+  using type = kept_descriptor<Descriptor>;  ///< read anew for each comparison
 };
+/// Bits: in registers where rows are whole words.
 template <int Bits>
 struct kept_form<binary_descriptor<Bits>> {
-  using type = std::conditional_t<Bits % 32 == 0, kept_bits<Bits>, kept_descriptor<binary_descriptor<Bits>>>;
+  using type = std::conditional_t<Bits % 32 == 0, kept_bits<Bits>,
+                                  kept_descriptor<binary_descriptor<Bits>>>;  ///< as its rows allow
 };
 
 TURBOMAP_END_NAMESPACE
