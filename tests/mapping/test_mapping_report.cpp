@@ -72,6 +72,7 @@ TEST_CASE("how long a guard was held") {
   CHECK(held.count == 3);
   CHECK(held.total_ms == 8);
   CHECK(held.longest_ms == 5);
+  CHECK(held.over_1_ms == 2);
 }
 
 }  // namespace

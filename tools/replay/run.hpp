@@ -65,10 +65,13 @@ inline nlohmann::json guard_json(const std::vector<replay_row>& rows) {
       const auto& held = row.report.held[stage];
       all.count += held.count, all.total_ms += held.total_ms;
       all.longest_ms = std::max(all.longest_ms, held.longest_ms);
+      all.over_1_ms += held.over_1_ms;
     }
     if (all.count != 0)
-      json[turbomap::to_string(stage)] = {
-          {"times", all.count}, {"ms_mean", all.total_ms / static_cast<double>(all.count)}, {"ms_max", all.longest_ms}};
+      json[turbomap::to_string(stage)] = {{"times", all.count},
+                                          {"ms_mean", all.total_ms / static_cast<double>(all.count)},
+                                          {"ms_max", all.longest_ms},
+                                          {"over_1_ms", all.over_1_ms}};
   }
   return json;
 }

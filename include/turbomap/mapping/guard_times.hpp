@@ -11,15 +11,17 @@ namespace turbomap {
 
 /// How often, in all and at most at once the guard of a map was held, in milliseconds.
 struct guard_times {
-  std::size_t count = 0;  ///< how often
-  double total_ms = 0;    ///< in all
-  double longest_ms = 0;  ///< at most at once
+  std::size_t count = 0;      ///< how often
+  double total_ms = 0;        ///< in all
+  double longest_ms = 0;      ///< at most at once
+  std::size_t over_1_ms = 0;  ///< how often for more than a millisecond
 
   /// It was held once more.
   void add(double ms) {
     ++count;
     total_ms += ms;
     longest_ms = ms > longest_ms ? ms : longest_ms;
+    over_1_ms += ms > 1 ? 1 : 0;
   }
 };
 
