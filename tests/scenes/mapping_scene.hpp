@@ -41,6 +41,7 @@ struct mapping_recipe {
   double lost = 0.3;        ///< share of known landmarks that tracking does not recognise in a keyframe
   double fresh = 0.4;       ///< share of those, and of unknown ones, that it makes a stereo point of
   turbomap::pyramid scales;
+  bool rounded = false;  ///< numbers that maps and keyframes are given are rounded: the same ones from every compiler
 };
 
 using landmark_id = std::int64_t;
@@ -71,8 +72,13 @@ class mapping_scene {
     const Eigen::Quaterniond turn(Eigen::AngleAxisd(0.12 * std::sin(0.5 * n), Eigen::Vector3d::UnitY()) *
                                   Eigen::AngleAxisd(0.05 * std::sin(1.1 * n), Eigen::Vector3d::UnitX()));
     const Eigen::Quaterniond q = turn.conjugate();
-    return to_rigid(q, -(q * centre));
+    auto T = to_rigid(q, -(q * centre));
+    if (recipe_.rounded)
+      for (double* x : {&T.qx, &T.qy, &T.qz, &T.qw, &T.tx, &T.ty, &T.tz}) *x = rounded_to(0x1p-34, *x);
+    return T;
   }
+  /// To the nearest multiple of a step that is a power of two, far above what compilers differ by.
+  static double rounded_to(double step, double x) { return step * std::nearbyint(x / step); }
 
   mapping_view view(int n) const {
     mapping_view v;
@@ -98,6 +104,11 @@ class mapping_scene {
         for (int b8 = 0; b8 < bytes; ++b8) v.descriptors.push_back(static_cast<std::uint8_t>(random()));
       }
     }
+    if (recipe_.rounded)
+      for (auto& k : v.keypoints) {
+        for (float* x : {&k.x, &k.y, &k.u_right}) *x = static_cast<float>(rounded_to(0x1p-6, static_cast<double>(*x)));
+        k.depth = static_cast<float>(rounded_to(0x1p-10, static_cast<double>(k.depth)));
+      }
     return v;
   }
 
@@ -350,7 +361,8 @@ class mapping_run {
       if (traits::point_at(map, k, i) != point{}) continue;
       const Eigen::Vector3d centre = to_oracle_pose(v.T_cw).inverse().t;
       const Eigen::Vector3d x = centre + (1 + 0.002 * recipe.pixel_noise * depth_error) * (scene_.position(l) - centre);
-      const point made = map.add_point({x.x(), x.y(), x.z()}, k);
+      const auto at = [&](double c) { return recipe.rounded ? scene_.rounded_to(0x1p-20, c) : c; };
+      const point made = map.add_point({at(x.x()), at(x.y()), at(x.z())}, k);
       turbomap::observe(map, made, k, i);
       if (rig) turbomap::observe(map, made, k, second[l]);
       if (before >= 0) turbomap::observe(map, made, keyframes_.front(), static_cast<std::size_t>(before));
