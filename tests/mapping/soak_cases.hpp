@@ -21,11 +21,8 @@
 #include <random>
 #include <vector>
 
-#ifdef __linux__
-#include <unistd.h>
-#endif
-
 #include "local_mapper_cases.hpp"
+#include "support/process_memory.hpp"
 
 namespace turbomap_test {
 namespace soak {
@@ -43,18 +40,6 @@ constexpr std::size_t budget = std::size_t{384} << 10;
 inline long environment(const char* name, long otherwise) {
   const char* const given = std::getenv(name);
   return given == nullptr ? otherwise : std::atol(given);
-}
-
-/// Memory of this process that is in use, in MB; 0 where it cannot be asked for.
-inline double resident_mb() {
-#ifdef __linux__
-  std::ifstream file("/proc/self/statm");
-  double all = 0, resident = 0;
-  file >> all >> resident;
-  return resident * static_cast<double>(sysconf(_SC_PAGESIZE)) / (1 << 20);
-#else
-  return 0;
-#endif
 }
 
 inline mapping_case<pinhole_camera> soak_case() {
