@@ -223,7 +223,7 @@ class local_mapper {
       k = working_.number(anyone);
     }
     typename detail::global_on<Adjustment, stage_map>::type adjustment(ctx_);
-    const local_adjustment_summary summary = adjustment(s, k, options);
+    local_adjustment_summary summary = adjustment(s, k, options);
     if (summary.solve.accepted != 0) {
       due_.moved(adjustment.points());
       due_.changed(adjustment.points_that_lost_views());

@@ -140,7 +140,7 @@ class dense_cholesky {
         x[c][0] = multiply_add(x[k][0], l, x[c][0]);
         x[c][1] = multiply_add(x[k][1], l, x[c][1]);
       }
-      const P r(reciprocal_[static_cast<std::size_t>(j + c)]);
+      const P r(reciprocal_[static_cast<std::size_t>(j) + static_cast<std::size_t>(c)]);
       x[c][0] = x[c][0] * r, x[c][1] = x[c][1] * r;
       x[c][0].store(to), x[c][1].store(to + 4);
     }

@@ -46,6 +46,7 @@ struct lane_reprojection {
                            const vec3<pack<G, N>>& measured) {
     const vec3<pack<G, N>> p = c.is_body ? body : transform(c.T_camera_body, body);
     pack<G, N> z = p.z;
+    // One branch is chosen by the type, one by data. NOLINTNEXTLINE(bugprone-branch-clone)
     if constexpr (is_pinhole_v<Camera>) {
       straight<Derivative>(c, p, measured, z);
     } else if (c.straight) {

@@ -136,7 +136,7 @@ struct adjustment_structure : sum_lists<list_on_host>, block_lists<list_on_host>
   /// Pairs of a free frame and a landmark that it sees.
   std::size_t slots() const { return slot_frame.size(); }
   /// Partial costs.
-  std::size_t costs() const { return static_cast<std::size_t>(partials + frame_factors); }
+  std::size_t costs() const { return static_cast<std::size_t>(partials) + static_cast<std::size_t>(frame_factors); }
 };
 
 }  // namespace turbomap

@@ -23,7 +23,7 @@ struct resolution_profile {
 
   /// \param cosine  of the angle to the optical axis
   TURBOMAP_HD float at(float cosine) const {
-    const float i = (1 - cosine) * (entries / 2);
+    const float i = (1 - cosine) * (0.5F * entries);
     return pixels_per_radian[!(i > 0) ? 0 : i >= entries ? entries - 1 : static_cast<int>(i)];
   }
   /// Whether it was measured.

@@ -97,7 +97,7 @@ class npy_header_parser {
     take('\'');
     const std::size_t end = text_.find('\'', at_);
     if (end == std::string::npos) fail("has a malformed header: a string does not end");
-    const std::string value = text_.substr(at_, end - at_);
+    std::string value = text_.substr(at_, end - at_);
     at_ = end + 1;
     return value;
   }

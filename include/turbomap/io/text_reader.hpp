@@ -88,7 +88,7 @@ class text_reader {
     return end;
   }
   std::string take_until(std::size_t end) {
-    const std::string taken = text_.substr(at_, end - at_);
+    std::string taken = text_.substr(at_, end - at_);
     at_ = end;
     return taken;
   }

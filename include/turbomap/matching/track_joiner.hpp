@@ -116,7 +116,8 @@ class track_joiner {
     views_.push_back(v);
     parent_.push_back(node);
     sizes_.push_back(1);
-    const auto bit = static_cast<std::size_t>(v.keyframe * rig + v.camera);
+    const auto bit =
+        static_cast<std::size_t>(v.keyframe) * static_cast<std::size_t>(rig) + static_cast<std::size_t>(v.camera);
     seen_.resize(seen_.size() + words_, 0);
     seen_[seen_.size() - words_ + bit / 64] = std::uint64_t{1} << bit % 64;
     return node;
