@@ -36,8 +36,9 @@ struct problem {
   int frames, landmarks;
   std::vector<std::uint8_t> fixed;
   std::vector<group> groups;
+  indices place;  ///< of landmarks; empty: as they are
 
-  problem(int frame_count, int landmark_count, int rows, int group_count, order ordered)
+  problem(int frame_count, int landmark_count, int rows, int group_count, order ordered, bool moved)
       : frames(frame_count), landmarks(landmark_count) {
     std::mt19937 random(static_cast<unsigned>(rows + frames));
     for (int f = 0; f < frames; ++f) fixed.push_back(random() % 4 == 0 ? 1 : 0);
@@ -56,6 +57,9 @@ struct problem {
       if (g == 1) made.kind.clear(), made.kinds = 1;
       groups.push_back(made);
     }
+    if (!moved) return;
+    for (int l = 0; l < landmarks; ++l) place.push_back(l);
+    std::shuffle(place.begin(), place.end(), random);
   }
 
   void build(turbomap::structure_builder& builder, int chunk, adjustment_structure& s) const {
@@ -65,7 +69,14 @@ struct problem {
                         {g.landmark.data(), g.landmark.size()},
                         g.kind.empty() ? nullptr : g.kind.data(),
                         g.kinds});
-    builder.build({frames, landmarks, {fixed.data(), fixed.size()}, {inputs.data(), inputs.size()}, {}, chunk}, s);
+    builder.build({frames,
+                   landmarks,
+                   {fixed.data(), fixed.size()},
+                   {inputs.data(), inputs.size()},
+                   {},
+                   chunk,
+                   {place.data(), place.size()}},
+                  s);
   }
 };
 
@@ -91,7 +102,8 @@ void check(const problem& p, int chunk, const adjustment_structure& s) {
   std::vector<row> rows;
   for (std::size_t g = 0; g < p.groups.size(); ++g)
     for (std::size_t i = 0; i < p.groups[g].frame.size(); ++i)
-      rows.push_back({p.groups[g].landmark[i], key[at(p.groups[g].frame[i])], static_cast<int>(g), static_cast<int>(i),
+      rows.push_back({p.place.empty() ? p.groups[g].landmark[i] : p.place[at(p.groups[g].landmark[i])],
+                      key[at(p.groups[g].frame[i])], static_cast<int>(g), static_cast<int>(i),
                       p.groups[g].kind.empty() ? 0 : p.groups[g].kind[i], -1});
   std::stable_sort(rows.begin(), rows.end(), [](const row& a, const row& b) {
     return a.landmark != b.landmark ? a.landmark < b.landmark : a.key < b.key;
@@ -172,7 +184,8 @@ TEST_CASE("rows, slots, entries and chunks: those of a plain sort, whatever the 
     for (const auto& [frames, landmarks, rows, groups] :
          {std::tuple{9, 40, 300, 1}, {30, 70, 900, 3}, {1, 1, 0, 1}, {5, 3, 700, 2}, {3, 1, 40, 1}, {12, 500, 200, 1}})
       for (const int chunk : {8, 64}) {
-        const problem p(frames, landmarks, rows, groups, ordered);
+        const bool moved = chunk == 64 || groups == 3;
+        const problem p(frames, landmarks, rows, groups, ordered, moved);
         const int order_number = static_cast<int>(ordered), row_number = rows;
         CAPTURE(order_number);
         CAPTURE(row_number);

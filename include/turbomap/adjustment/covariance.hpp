@@ -46,8 +46,9 @@ bool frame_covariance(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Pol
   auto& data = problem.data();
   const adjustment_structure& s = data.structure;
   plain_vector<typename Frame::template state<double>> states;
-  plain_vector<vec3<double>> landmarks;
-  problem.frames(ctx, states), problem.landmarks(ctx, landmarks);
+  plain_vector<vec3<double>> given, landmarks;
+  problem.frames(ctx, states), problem.landmarks(ctx, given);
+  for (const auto l : data.order.source()) landmarks.push_back(given[static_cast<std::size_t>(l)]);
   residual_rows<D> rows;
   frame_information<D> information;
   plain_vector<std::uint8_t> undetermined;

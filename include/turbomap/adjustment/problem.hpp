@@ -83,7 +83,7 @@ class basic_bundle_problem {
     result.resize(static_cast<std::size_t>(landmark_count()));
     for (std::size_t l = 0; l < result.size(); ++l) {
       const double* p = transfer_.data() + l * landmark_stride;
-      result[l] = {p[0], p[1], p[2]};
+      result[static_cast<std::size_t>(data_.order.source()[l])] = {p[0], p[1], p[2]};
     }
   }
 
@@ -134,10 +134,15 @@ class basic_bundle_problem {
   void build_structure(const frame_input<Frame>& frames, const landmark_input& landmarks, const Groups&... groups) {
     inputs_.landmark_groups.clear(), inputs_.frame_groups.clear();
     std::apply([&](auto&... g) { (g.describe(groups, inputs_), ...); }, data_.groups);
-    builder_.build({static_cast<int>(frames.states.size()), static_cast<int>(landmarks.positions.size()), frames.fixed,
-                    span<const landmark_group_input>(inputs_.landmark_groups),
-                    span<const frame_group_input>(inputs_.frame_groups), observation_shape<Memory>::chunk},
-                   data_.structure);
+    structure_input in{static_cast<int>(frames.states.size()),
+                       static_cast<int>(landmarks.positions.size()),
+                       frames.fixed,
+                       span<const landmark_group_input>(inputs_.landmark_groups),
+                       span<const frame_group_input>(inputs_.frame_groups),
+                       observation_shape<Memory>::chunk};
+    data_.order.find(in);
+    in.landmark_place = span<const std::int32_t>(data_.order.place());
+    builder_.build(in, data_.structure);
   }
 
   /// Of the landmarks from the frames that see them: the median over rows that are spread evenly. 0: there are none.
@@ -169,14 +174,17 @@ class basic_bundle_problem {
     data_.estimate.resize(n, m);
     transfer_.resize_discard(landmark_stride * m);
     for (std::size_t l = 0; l < m; ++l) {
-      const vec3<double>& p = landmarks.positions[l];
+      const vec3<double>& p = landmarks.positions[static_cast<std::size_t>(data_.order.source()[l])];
       double* to = transfer_.data() + l * landmark_stride;
       to[0] = p.x, to[1] = p.y, to[2] = p.z, to[3] = 0;
     }
     const estimate_view<Frame> x = data_.estimate.current();
     copy_in(ctx.policy(), x.states, frames.states.data(), n * sizeof(state));
     copy_in(ctx.policy(), x.landmarks, transfer_.data(), transfer_.size() * sizeof(double));
-    data_.landmark_fixed.host().assign(landmarks.fixed.begin(), landmarks.fixed.end());
+    auto& fixed = data_.landmark_fixed.host();
+    fixed.clear();
+    if (!landmarks.fixed.empty())
+      for (const auto l : data_.order.source()) fixed.push_back(landmarks.fixed[static_cast<std::size_t>(l)]);
     data_.landmark_fixed.send(ctx.policy());
     hold(frames.held);
     data_.held.send(ctx.policy());

@@ -15,6 +15,7 @@
 #include "../config.hpp"
 #include "cholesky_solver.hpp"
 #include "factor_sums.hpp"
+#include "landmark_order.hpp"
 #include "resident_group.hpp"
 #include "resident_structure.hpp"
 #include "structure.hpp"
@@ -85,6 +86,7 @@ struct problem_data {
         workspace(staging) {}
 
   adjustment_structure structure;  ///< order of observations, and lists of what is summed into what
+  landmark_order order;            ///< numbers of landmarks here are places in it
   std::tuple<resident_group<Groups, frame, Memory>...> groups;  ///< the factors
   resident_structure<Memory> lists;                             ///< the lists where the policy computes
   uploaded<std::uint8_t, Memory> landmark_fixed;                ///< empty: all move

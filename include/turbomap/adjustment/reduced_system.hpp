@@ -32,36 +32,72 @@ struct reduced_layout {
   }
 };
 
-/// Task below free_frames: a diagonal block and its right hand side; above: one of the other blocks. Indices take runs of
-/// neighbouring blocks, which share a frame and so find its columns in the cache. The runs are mixed, so that what one thread
-/// takes is of all sizes.
+/// Index = blocks that follow each other, row by row: the diagonal block of a row and its right hand side, then the others. The
+/// blocks of a row share a frame, so they find its columns in the cache; and as landmarks are in the order of their frames,
+/// a thread that takes indices in a row reads mostly columns that it eliminated. All indices have about as much to sum.
 template <class A, int V, int D>
 struct reduce_blocks {
   schur_view<A> s;            ///< landmarks and lists
   reduced_layout out;         ///< where the blocks go
   turbomap::damping damping;  ///< of the diagonal
-  int count;                  ///< tasks
-  int runs;                   ///< number of runs
-  int step;                   ///< from the run of one index to that of the next; without a common divisor with `runs`
+  int parts;                  ///< number of indices
 
-  static constexpr int run = 2;  ///< with 8, one of four threads had 17 % more to do than the mean, with 2 it has 1 %
   static constexpr int n = column_lanes<V>;  ///< lanes of a column
   static constexpr int ahead =
       24;  ///< entries of a list between asking for memory and reading it: a third-level cache is that far
   static constexpr int row_bytes = 3 * V * static_cast<int>(sizeof(A));  ///< of the columns of a slot
   using P = pack<A, n>;                                                  ///< numbers of a column
 
-  /// The task of index i.
+  /// The blocks of index i.
   TURBOMAP_HD void operator()(int i) const {
-    const int task = static_cast<int>(static_cast<long long>(i / run) * step % runs) * run + i % run;
-    if (task >= count) return;
-    if (task < s.free_frames)
-      diagonal(task);
-    else
-      other(task - s.free_frames);
+    position at = cut(i);
+    const position end = cut(i + 1);
+    while (at.row < end.row || at.block < end.block) {
+      if (at.row < end.row && (at.block == end.block || at.row <= s.block_row[at.block]))
+        diagonal(at.row++);
+      else
+        other(at.block++);
+    }
   }
 
  private:
+  /// The next diagonal block and the next other one.
+  struct position {
+    int row, block;
+  };
+
+  /// What is to be done for the diagonal blocks of the rows before `row` and the blocks before `block`: entries of lists, and a
+  /// few for each block.
+  TURBOMAP_HD long long work(int row, int block) const {
+    constexpr int each = 4;
+    return static_cast<long long>(s.frame_slot[row]) + (s.blocks > 0 ? s.block_pair[block] : 0) + each * (row + block);
+  }
+
+  /// Where index i begins.
+  TURBOMAP_HD position cut(int i) const {
+    if (i == 0) return {0, 0};
+    if (i == parts) return {s.free_frames, s.blocks};
+    const long long before = work(s.free_frames, s.blocks) * i / parts;
+    int block = 0, end = s.blocks;
+    while (block < end) {
+      const int middle = block + (end - block) / 2;
+      if (work(s.block_row[middle] + 1, middle + 1) <= before)
+        block = middle + 1;
+      else
+        end = middle;
+    }
+    if (block < s.blocks) return {s.block_row[block] + 1, block};
+    int row = s.blocks > 0 ? s.block_row[s.blocks - 1] + 1 : 0, rows = s.free_frames;
+    while (row < rows) {
+      const int middle = row + (rows - row) / 2;
+      if (work(middle + 1, s.blocks) <= before)
+        row = middle + 1;
+      else
+        rows = middle;
+    }
+    return {row, s.blocks};
+  }
+
   TURBOMAP_HD void diagonal(int f) const {
     P sum[V], right(A(0));
     for (int r = 0; r < V; ++r) sum[r] = P(A(0));
@@ -129,24 +165,14 @@ struct reduce_blocks {
   }
 };
 
-/// The greatest one.
-inline int common_divisor(int a, int b) {
-  while (b != 0) {
-    const int rest = a % b;
-    a = b, b = rest;
-  }
-  return a;
-}
-
 /// All blocks of the reduced system.
 template <int V, int D, class Derived, class A>
 void launch_reduce_blocks(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s,
                           const reduced_layout& out, const damping& damping) {
-  using body = reduce_blocks<A, V, D>;
-  const int count = s.free_frames + s.blocks, runs = (count + body::run - 1) / body::run;
-  int step = runs / 2 + runs / 8;  // any number without a common divisor
-  while (step > 1 && common_divisor(step, runs) != 1) --step;
-  for_each_index(derived(policy), runs * body::run, body{s, out, damping, count, runs, step > 0 ? step : 1});
+  constexpr int most = 64;  // shares for up to as many threads
+  const int blocks = s.free_frames + s.blocks;
+  const int parts = is_host_accessible_v<memory_of_t<Derived>> && blocks > most ? most : blocks;
+  for_each_index(derived(policy), parts, reduce_blocks<A, V, D>{s, out, damping, parts});
 }
 
 TURBOMAP_END_NAMESPACE

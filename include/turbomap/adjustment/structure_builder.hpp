@@ -39,7 +39,8 @@ struct structure_input {
   span<const std::uint8_t> fixed_frames;             ///< empty: none
   span<const landmark_group_input> landmark_groups;  ///< in the order of the caller's groups
   span<const frame_group_input> frame_groups;        ///< in the order of the caller's groups
-  int chunk;  ///< entries that a chunk holds at most, a multiple of observation_padding
+  int chunk;                                  ///< entries that a chunk holds at most, a multiple of observation_padding
+  span<const std::int32_t> landmark_place{};  ///< [landmark] its number in the structure; empty: as it is
 };
 
 /// Makes the structure. Indices must have been checked. O(observations + pairs); its memory is used again.
@@ -49,7 +50,7 @@ class structure_builder {
   void build(const structure_input& in, adjustment_structure& s) {
     s.frames = in.frames, s.landmarks = in.landmarks;
     order_frames(in.fixed_frames, s);
-    order_rows(in.landmark_groups, s);
+    order_rows(in, s);
     list_slots(s);
     order_entries(in.landmark_groups, in.chunk, s);
     list_frame_factors(in.frame_groups, s);
@@ -80,16 +81,15 @@ class structure_builder {
   };
 
   /// Sorts all observations by (landmark, frame), free frames first.
-  void order_rows(span<const landmark_group_input> groups, adjustment_structure& s) {
+  void order_rows(const structure_input& in, adjustment_structure& s) {
     std::size_t n = 0;
     first_of_group_.clear();
     s.landmark_row.assign(at(s.landmarks) + 1, 0);
-    std::int32_t last = 0;
-    bool by_landmark = true;
-    for (const auto& g : groups) {
+    const std::int32_t* const place = in.landmark_place.empty() ? nullptr : in.landmark_place.data();
+    for (const auto& g : in.landmark_groups) {
       first_of_group_.push_back(static_cast<std::int32_t>(n));
       n += g.frame.size();
-      for (const auto l : g.landmark) ++s.landmark_row[at(l) + 1], by_landmark = by_landmark && l >= last, last = l;
+      for (const auto l : g.landmark) ++s.landmark_row[at(place == nullptr ? l : place[l]) + 1];
     }
     first_of_group_.push_back(static_cast<std::int32_t>(n));
     std::int32_t longest = 0;
@@ -98,18 +98,22 @@ class structure_builder {
       s.landmark_row[i] += s.landmark_row[i - 1];
     }
     rows_.resize(n);
-    if (by_landmark && longest <= most_in_place)
-      order_in_place(groups, s);
+    if (longest <= most_in_place)
+      order_few(in.landmark_groups, place, s);
     else
-      order_by_counting(groups, s);
+      order_by_counting(in.landmark_groups, place, s);
   }
 
-  /// Where they come landmark by landmark, as they mostly do: only the few of each landmark are out of order.
-  void order_in_place(span<const landmark_group_input> groups, const adjustment_structure& s) {
+  /// By landmark, then the few of each landmark where they are.
+  void order_few(span<const landmark_group_input> groups, const std::int32_t* place, const adjustment_structure& s) {
     ordered_row* const rows = rows_.data();
+    counts_.assign(s.landmark_row.begin(), s.landmark_row.end());
     std::int32_t o = 0;
     for (const auto& g : groups)
-      for (const auto f : g.frame) rows[o] = {key_[at(f)], o}, ++o;
+      for (std::size_t i = 0; i < g.frame.size(); ++i) {
+        const std::int32_t l = place == nullptr ? g.landmark[i] : place[g.landmark[i]];
+        rows[counts_[at(l)]++] = {key_[at(g.frame[i])], o++};
+      }
     for (std::size_t l = 0; l + 1 < s.landmark_row.size(); ++l)
       for (std::int32_t i = s.landmark_row[l] + 1; i < s.landmark_row[l + 1]; ++i) {
         const ordered_row moved = rows[i];
@@ -119,7 +123,8 @@ class structure_builder {
       }
   }
   /// Two stable counting sorts.
-  void order_by_counting(span<const landmark_group_input> groups, const adjustment_structure& s) {
+  void order_by_counting(span<const landmark_group_input> groups, const std::int32_t* place,
+                         const adjustment_structure& s) {
     counts_.assign(at(s.frames) + 1, 0);
     for (const auto& g : groups)
       for (const auto f : g.frame) ++counts_[at(key_[at(f)]) + 1];
@@ -129,7 +134,8 @@ class structure_builder {
     for (const auto& g : groups)
       for (std::size_t i = 0; i < g.frame.size(); ++i) {
         const std::int32_t key = key_[at(g.frame[i])];
-        by_frame_[at(counts_[at(key)]++)] = {{key, o++}, g.landmark[i]};
+        const std::int32_t l = place == nullptr ? g.landmark[i] : place[g.landmark[i]];
+        by_frame_[at(counts_[at(key)]++)] = {{key, o++}, l};
       }
     counts_.assign(s.landmark_row.begin(), s.landmark_row.end());
     for (const auto& r : by_frame_) rows_[at(counts_[at(r.landmark)]++)] = r.row;
