@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// turbomap-replay with the IMU of a recording.
+/// turbomap-replay --imu.
 
 #include "run_inertial.hpp"
 

@@ -50,8 +50,9 @@ class block_finder {
     s.block_pair.assign(1, 0), s.block_factor.assign(1, 0);
   }
 
-  /// Pairs of slots of one landmark: what find() would list. O(landmarks).
+  /// Pairs of slots of one landmark: what find() would list. O(landmarks), where the lists are here.
   static std::int64_t count_pairs(const adjustment_structure& s) {
+    if (s.elsewhere) return s.sizes.pairs;
     std::int64_t pairs = 0;
     for (std::int32_t l = 0; l < s.landmarks; ++l) {
       const std::int64_t slots = s.landmark_slot[at(l) + 1] - s.landmark_slot[at(l)];

@@ -15,6 +15,7 @@
 #include "../plain_vector.hpp"
 #include "block_cholesky.hpp"
 #include "dense_cholesky.hpp"
+#include "order_observations.hpp"
 #include "reduced_system.hpp"
 #include "solve_dense.hpp"
 #include "step_sums.hpp"
@@ -29,19 +30,26 @@ template <int D>
 struct solver_workspace {
   /// \param staging  see context::staging_resource()
   explicit solver_workspace(std::pmr::memory_resource* staging)
-      : matrix(staging), x(staging), b(staging), sums(staging), report(staging), survey(staging) {}
+      : matrix(staging),
+        x(staging),
+        b(staging),
+        sums(staging),
+        report(staging),
+        survey(staging),
+        observations(staging) {}
 
-  dense_cholesky dense;                               ///< for matrices in full
-  block_cholesky<D> sparse;                           ///< for matrices block by block
-  bool analysed = false;                              ///< `sparse` has the structure of the problem
-  array<double, host_memory> matrix;                  ///< the matrix on the host
-  array<double, host_memory> x;                       ///< right hand side, then solution, on the host
-  array<double, host_memory> b;                       ///< negative gradient on the host
-  array<double, host_memory> sums;                    ///< parts of sums on the host
-  array<awaited<step_report>, host_memory> report;    ///< what a step gained, written by the policy
-  array<awaited<survey_report>, host_memory> survey;  ///< what the first linearisation is like, written by the policy
-  plain_vector<double> ordered;                       ///< the matrix in an unknown_order
-  plain_vector<double> ordered_x;                     ///< x in it
+  dense_cholesky dense;                                 ///< for matrices in full
+  block_cholesky<D> sparse;                             ///< for matrices block by block
+  bool analysed = false;                                ///< `sparse` has the structure of the problem
+  array<double, host_memory> matrix;                    ///< the matrix on the host
+  array<double, host_memory> x;                         ///< right hand side, then solution, on the host
+  array<double, host_memory> b;                         ///< negative gradient on the host
+  array<double, host_memory> sums;                      ///< parts of sums on the host
+  array<awaited<step_report>, host_memory> report;      ///< what a step gained, written by the policy
+  array<awaited<survey_report>, host_memory> survey;    ///< what the first linearisation is like, written by the policy
+  array<observation_report, host_memory> observations;  ///< what the policy tells of lists that it made
+  plain_vector<double> ordered;                         ///< the matrix in an unknown_order
+  plain_vector<double> ordered_x;                       ///< x in it
 };
 
 /// Steps of the free frames.

@@ -42,6 +42,12 @@ class landmark_order {
     for (std::int32_t l = 0; l < in.landmarks; ++l) place_[at(source_[at(l)])] = l;
   }
 
+  /// Keeps the order of the caller.
+  void keep(std::int32_t landmarks) {
+    source_.resize(at(landmarks)), place_.resize(at(landmarks));
+    for (std::int32_t l = 0; l < landmarks; ++l) source_[at(l)] = place_[at(l)] = l;
+  }
+
   /// [place] landmark of the caller.
   const plain_vector<std::int32_t>& source() const { return source_; }
   /// [landmark of the caller] its place.

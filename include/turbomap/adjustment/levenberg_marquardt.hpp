@@ -216,8 +216,7 @@ class levenberg_marquardt {
     if (!step.solved) return step;
     const auto from = data_.estimate.current(), to = data_.estimate.trial();
     const int frames = data_.structure.frames;
-    launch_substitute_landmarks<V, D>(policy, s, step.step, damping, from.landmarks, to.landmarks, gains_);
-    launch_retract_frames(policy, frames, s.free_of_frame, step.step, from, to);
+    launch_take_step<V, D>(policy, s, step.step, damping, frames, from, to, gains_);
     const std::size_t n = static_cast<std::size_t>(s.free_frames) * D, triangles = n / D * frame_block<D>::triangle;
     const step_parts parts{nullptr, 0, gains_, gain_count(), step.step, s.b, s.H, n, step.solved_resident, damping};
     if (const step_report* report = evaluate_step(to, parts, ahead)) {
@@ -249,6 +248,7 @@ class levenberg_marquardt {
     const auto& row = data_.structure.landmark_row;
     const auto& fixed = data_.landmark_fixed.host();
     if (fixed.empty()) return data_.structure.rows() > 0;
+    if (data_.structure.elsewhere) return data_.structure.sizes.moving > 0;
     for (std::size_t l = 0; l < fixed.size(); ++l)
       if (fixed[l] == 0 && row[l + 1] > row[l]) return true;
     return false;
@@ -266,7 +266,7 @@ class levenberg_marquardt {
     if (dense && lists_fit && (unknowns <= options_.dense_limit || !(sparse || pcg))) return reduced_solver::dense;
     if (!pcg) return sparse ? reduced_solver::sparse : reduced_solver::dense;
     if (!sparse || !lists_fit || unknowns > options_.sparse_limit) return reduced_solver::pcg;
-    const double f = data_.structure.free_frames, blocks = static_cast<double>(data_.count_blocks());
+    const double f = data_.structure.free_frames, blocks = static_cast<double>(data_.count_blocks(ctx_.policy()));
     return blocks > options_.sparse_fill * f * f / 2 ? reduced_solver::pcg : reduced_solver::sparse;
   }
 

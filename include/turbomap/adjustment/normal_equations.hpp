@@ -41,12 +41,14 @@ class normal_equations {
     s_.free_frames = s.free_frames, s_.landmarks = s.landmarks;
     s_.landmark_fixed = data.landmark_fixed.host().empty() ? nullptr : data.landmark_fixed.data();
     s_.sums.row = columns(ctx, s.rows() * landmark_block<V>::row);
-    if constexpr (from_rows<memory_of_t<Policy>>) {
+    if constexpr (!from_rows) {
+      s_.sums.coupling = columns(ctx, s.couplings() * landmark_block<V>::coupling);
+    } else if constexpr (on_the_host<Policy>) {
       axes_ = ctx.template scratch<A>(at(s.free_frames) * 6 * column_lanes<V>);
       centres_ = ctx.template scratch<double>(at(s.free_frames) * landmark_stride);
       s_.axes = axes_, s_.centres = centres_;
     } else {
-      s_.sums.coupling = columns(ctx, s.couplings() * landmark_block<V>::coupling);
+      s_.held = data.held.host().empty() ? nullptr : data.held.data();
     }
     s_.eliminated = columns(ctx, s.slots() * landmark_block<V>::coupling);
     s_.sums.chunk_partial = ctx.template scratch<double>(at(s.partials) * landmark_block<V>::partial);
@@ -123,8 +125,8 @@ class normal_equations {
   template <class Policy>
   void form(context<Policy>& ctx, const estimate_view<Frame>& x) {
     launch_sum_frames<V, D>(ctx.policy(), s_);
-    s_.positions = x.landmarks;
-    if constexpr (from_rows<memory_of_t<Policy>>)
+    s_.positions = x.landmarks, s_.poses = x.poses;
+    if constexpr (from_rows && on_the_host<Policy>)
       launch_prepare_axes<V>(ctx.policy(), data_.structure.frames, s_.free_of_frame, x.poses,
                              data_.held.host().empty() ? nullptr : data_.held.data(), axes_, centres_);
     if constexpr (D <= 32)
@@ -213,9 +215,10 @@ class normal_equations {
     std::apply([&](auto&... g) { (g.template linearise<G>(ctx.policy(), x, s_.sums, costs), ...); }, data_.groups);
   }
 
-  /// Whether couplings are made of rows (row_couplings.hpp): on the host.
-  template <class Memory>
-  static constexpr bool from_rows = std::is_same_v<Memory, host_memory>&& Data::reprojections_only;
+  /// Whether couplings are made of rows (row_couplings.hpp).
+  static constexpr bool from_rows = Data::reprojections_only;
+  template <class Policy>
+  static constexpr bool on_the_host = is_host_accessible_v<memory_of_t<Policy>>;
 
   Data& data_;
   schur_view<A> s_{};

@@ -18,6 +18,7 @@
 #include "../error.hpp"
 #include "../plain_vector.hpp"
 #include "../precompiled.hpp"
+#include "assign_resident.hpp"
 #include "factors.hpp"
 #include "frames.hpp"
 #include "move_frames.hpp"
@@ -93,7 +94,7 @@ class basic_bundle_problem {
   template <std::size_t Group, class Policy, class List>
   void chi2(context<Policy>& ctx, List& chi2, List& depth);
 
-  /// The structure that was made of the inputs, e.g. to look at sizes.
+  /// The structure that was made of the inputs, e.g. to look at sizes. Where the policy made its lists, they are not here.
   const adjustment_structure& structure() const { return data_.structure; }
 
   /// For solvers: everything they work on.
@@ -103,8 +104,7 @@ class basic_bundle_problem {
   /// Quaternions in float, many times composed, are off by some 1e-6: factors of the user's own see them as they are.
   static constexpr double unit_tolerance = 1e-3;
 
-  /// \return whether all numbers are finite
-  static bool check(const frame_input<Frame>& frames, const landmark_input& landmarks, const Groups&... groups) {
+  static void check(const frame_input<Frame>& frames, const landmark_input& landmarks, const Groups&... groups) {
     require(frames.fixed.empty() || frames.fixed.size() == frames.states.size(), "frames.fixed.size()",
             frames.fixed.size(), "must be that of states, or 0");
     require(landmarks.fixed.empty() || landmarks.fixed.size() == landmarks.positions.size(), "landmarks.fixed.size()",
@@ -115,34 +115,58 @@ class basic_bundle_problem {
             "must be 0: masks are for frames of up to 32 unknowns");
     const int frame_count = static_cast<int>(frames.states.size());
     const int landmark_count = static_cast<int>(landmarks.positions.size());
-    // Each by itself: a sum of finite numbers may overflow.
-    const auto each_finite = [](auto... x) { return (detail::is_finite(x) && ...); };
-    bool finite = true;
-    ((finite = resident_group<Groups, Frame, Memory>::check(groups, frame_count, landmark_count) && finite), ...);
-    for (const auto& p : landmarks.positions) finite = finite && each_finite(p.x, p.y, p.z);
+    (resident_group<Groups, Frame, Memory>::check(groups, frame_count, landmark_count), ...);
     for (const auto& x : frames.states) {
       const auto& T = Frame::template pose<double>(x);
       const double square = T.qx * T.qx + T.qy * T.qy + T.qz * T.qz + T.qw * T.qw;
       const bool given = each_finite(T.qx, T.qy, T.qz, T.qw);
       require(!given || (square > 1 - unit_tolerance && square < 1 + unit_tolerance),
               "frames.states: squared norm of a quaternion", square, "must be 1");
-      finite = finite && given && each_finite(T.tx, T.ty, T.tz);
+    }
+  }
+  // Each by itself: a sum of finite numbers may overflow.
+  template <class... Numbers>
+  static bool each_finite(Numbers... x) {
+    return (detail::is_finite(x) && ...);
+  }
+  static bool all_finite(const frame_input<Frame>& frames) {
+    bool finite = true;
+    for (const auto& x : frames.states) {
+      const auto& T = Frame::template pose<double>(x);
+      finite = finite && each_finite(T.qx, T.qy, T.qz, T.qw) && each_finite(T.tx, T.ty, T.tz);
     }
     return finite;
   }
+  static bool all_finite(const landmark_input& landmarks) {
+    bool finite = true;
+    for (const auto& p : landmarks.positions) finite = finite && each_finite(p.x, p.y, p.z);
+    return finite;
+  }
 
-  void build_structure(const frame_input<Frame>& frames, const landmark_input& landmarks, const Groups&... groups) {
+  structure_input describe(const frame_input<Frame>& frames, const landmark_input& landmarks, const Groups&... groups) {
     inputs_.landmark_groups.clear(), inputs_.frame_groups.clear();
     std::apply([&](auto&... g) { (g.describe(groups, inputs_), ...); }, data_.groups);
-    structure_input in{static_cast<int>(frames.states.size()),
-                       static_cast<int>(landmarks.positions.size()),
-                       frames.fixed,
-                       span<const landmark_group_input>(inputs_.landmark_groups),
-                       span<const frame_group_input>(inputs_.frame_groups),
-                       observation_shape<Memory>::chunk};
+    return {static_cast<int>(frames.states.size()),
+            static_cast<int>(landmarks.positions.size()),
+            frames.fixed,
+            span<const landmark_group_input>(inputs_.landmark_groups),
+            span<const frame_group_input>(inputs_.frame_groups),
+            observation_shape<Memory>::chunk};
+  }
+
+  /// The host makes all lists, and sends them.
+  template <class Policy>
+  void assign_by_host(context<Policy>& ctx, structure_input in, const frame_input<Frame>& frames,
+                      const landmark_input& landmarks, const Groups&... groups) {
     data_.order.find(in);
     in.landmark_place = span<const std::int32_t>(data_.order.place());
     builder_.build(in, data_.structure);
+    group_place place;
+    place.first_cost = data_.structure.partials, place.distance = median_distance(frames, landmarks);
+    std::apply([&](auto&... g) { (g.assign(ctx.policy(), groups, data_.structure, place), ...); }, data_.groups);
+    upload_state(ctx, frames, landmarks);
+    data_.lists.send_sums(ctx.policy(), data_.structure);
+    ctx.synchronize();
   }
 
   /// Of the landmarks from the frames that see them: the median over rows that are spread evenly. 0: there are none.
@@ -214,17 +238,24 @@ template <class Memory, class Frame, class... Groups>
 template <class Policy>
 void basic_bundle_problem<Memory, Frame, Groups...>::assign(context<Policy>& ctx, const frame_input<Frame>& frames,
                                                             const landmark_input& landmarks, const Groups&... groups) {
-  const bool finite = check(frames, landmarks, groups...);
-  data_.finite = false, data_.observations = 0;  // empty until all is there
+  check(frames, landmarks, groups...);
+  data_.finite = false, data_.observations = 0, data_.structure.elsewhere = false;  // empty until all is there
   ctx.synchronize();
+  bool finite = all_finite(frames), assigned = false;
   try {
-    build_structure(frames, landmarks, groups...);
-    group_place place;
-    place.first_cost = data_.structure.partials, place.distance = median_distance(frames, landmarks);
-    std::apply([&](auto&... g) { (g.assign(ctx.policy(), groups, data_.structure, place), ...); }, data_.groups);
-    upload_state(ctx, frames, landmarks);
-    data_.lists.send_sums(ctx.policy(), data_.structure);
-    ctx.synchronize();
+    const structure_input in = describe(frames, landmarks, groups...);
+    if constexpr (data_type::orders_there) {
+      bool rows_finite = true;
+      assigned = assign_resident(
+          ctx, data_, builder_, in, frames, landmarks, groups..., [&] { return median_distance(frames, landmarks); },
+          [&] { hold(frames.held); }, rows_finite);
+      finite = finite && rows_finite;
+    }
+    if (!assigned) {
+      assign_by_host(ctx, in, frames, landmarks, groups...);
+      finite = finite && all_finite(landmarks);
+      ((finite = finite && resident_group<Groups, Frame, Memory>::all_finite(groups)), ...);
+    }
   } catch (...) {
     data_.structure.frames = data_.structure.landmarks = 0;
     throw;
@@ -241,21 +272,16 @@ void basic_bundle_problem<Memory, Frame, Groups...>::chi2(context<Policy>& ctx, 
   static_assert(std::decay_t<decltype(group)>::with_landmarks);
   chi2.clear(), depth.clear();
   if (data_.observations == 0) return;
-  const auto& s = data_.structure.groups[static_cast<std::size_t>(group.landmark_group())];
-  const std::size_t n = s.source.size();
+  const std::size_t n = group.entries().size(), rows = group.size();
   ctx.begin_call();
   double* values = ctx.template scratch<double>(2 * n);
+  double* of_rows = ctx.template scratch<double>(2 * rows);
   fill_bytes(ctx.policy(), values, 0, 2 * n * sizeof(double));
   group.chi2(ctx.policy(), data_.estimate.current(), values, values + n);
-  transfer_.resize_discard(2 * n);
-  copy_out(ctx.policy(), transfer_.data(), values, 2 * n * sizeof(double));
-  ctx.synchronize();
-  chi2.resize(group.size()), depth.resize(group.size());
-  for (const auto& c : s.chunks)
-    for (int i = c.begin; i < c.begin + c.count; ++i) {
-      const auto e = static_cast<std::size_t>(i), o = static_cast<std::size_t>(s.source[e]);
-      chi2[o] = transfer_.data()[e], depth[o] = transfer_.data()[n + e];
-    }
+  launch_return_rows(ctx.policy(), group.entries(), values, n, of_rows, rows);
+  const double* told = on_host(ctx, of_rows, 2 * rows, transfer_);
+  chi2.resize(rows), depth.resize(rows);
+  for (std::size_t i = 0; i < rows; ++i) chi2[i] = told[i], depth[i] = told[rows + i];
 }
 
 /// A problem that is computed under a policy. Problems of all host policies are one type.

@@ -76,12 +76,17 @@ struct problem_data {
   /// Whether no group of the user's own has landmarks: couplings can then be made of rows.
   static constexpr bool reprojections_only = !(resident_group<Groups, frame, Memory>::own_landmark_factors || ...);
 
+  /// Whether the policy makes the lists of observations, where they are not too long: see order_observations.hpp.
+  static constexpr bool orders_there = !is_host_accessible_v<Memory> && sizeof...(Groups) == 1 &&
+                                       (resident_group<Groups, frame, Memory>::reprojects && ...);
+
   /// \param staging  see context::staging_resource()
   problem_data(std::pmr::memory_resource* r, std::pmr::memory_resource* staging)
       : groups(resident_group<Groups, frame, Memory>(r, staging)...),
         lists(r),
         landmark_fixed(r),
         held(r),
+        inputs(r),
         estimate(r),
         workspace(staging) {}
 
@@ -91,6 +96,7 @@ struct problem_data {
   resident_structure<Memory> lists;                             ///< the lists where the policy computes
   uploaded<std::uint8_t, Memory> landmark_fixed;                ///< empty: all move
   uploaded<std::uint32_t, Memory> held;  ///< [free frame] masks of unknowns that stay; empty: none
+  array<std::byte, Memory> inputs;       ///< what was given, in one block: where the policy orders it
   estimates<frame, Memory> estimate;     ///< states and landmarks
   solver_workspace<dof> workspace;       ///< of the solvers
   std::size_t observations = 0;          ///< 0: there is nothing to adjust
@@ -99,13 +105,28 @@ struct problem_data {
   /// The lists of the blocks, where the policy computes: made when the first solver asks for them.
   template <class Policy>
   void need_blocks(const Policy& policy) {
+    need_lists(policy);
     if (!blocks_known_) finder_.find(structure);
     blocks_known_ = true;
     if (!blocks_sent_) lists.send_blocks(policy, structure);
     blocks_sent_ = true;
   }
   /// Blocks of the reduced matrix that are not diagonal ones.
-  std::int64_t count_blocks() { return finder_.count_blocks(structure); }
+  template <class Policy>
+  std::int64_t count_blocks(const Policy& policy) {
+    need_lists(policy);
+    return finder_.count_blocks(structure);
+  }
+  /// The lists of observations on the host too: fetched, where the policy made them. Waits then.
+  template <class Policy>
+  void need_lists(const Policy& policy) {
+    if constexpr (orders_there) {
+      if (!structure.elsewhere) return;
+      lists.fetch(policy, structure);
+      std::get<0>(groups).fetch(policy, structure);
+      structure.elsewhere = false;
+    }
+  }
   /// After a change of the structure.
   void forget_blocks() { blocks_known_ = blocks_sent_ = workspace.analysed = false; }
 

@@ -25,7 +25,7 @@ class resident_group<landmark_factors<Factor, Kernel>, Frame, Memory> {
   /// @{
   /// See the list of members at resident_group.
   using group_type = landmark_factors<Factor, Kernel>;
-  static constexpr bool with_landmarks = true, own_landmark_factors = true;
+  static constexpr bool with_landmarks = true, own_landmark_factors = true, reprojects = false;
   /// @}
 
   /// \param r  memory of the policy; must outlive this
@@ -33,15 +33,15 @@ class resident_group<landmark_factors<Factor, Kernel>, Frame, Memory> {
 
   /// @{
   /// See the list of members at resident_group.
-  static bool check(const group_type& g, int frames, int landmarks) {
+  static void check(const group_type& g, int frames, int landmarks) {
     require(g.landmark.size() == g.frame.size(), "landmark.size()", g.landmark.size(), "must be that of frame");
     require(g.rows.size() == g.frame.size(), "rows.size()", g.rows.size(), "must be that of frame");
     detail::require_indices(g.frame, frames, "frame");
     detail::require_indices(g.landmark, landmarks, "landmark");
     detail::require_kernel(g.kernel, "kernel");
     detail::require_undefined_chi2(g.undefined_chi2);
-    return true;
   }
+  static bool all_finite(const group_type&) { return true; }  // residuals tell
   void describe(const group_type& g, structure_inputs& to) {
     to.landmark_groups.push_back({g.frame, g.landmark, nullptr, 1});
   }
@@ -105,10 +105,10 @@ class resident_group<landmark_factors<Factor, Kernel>, Frame, Memory> {
       }
   }
 
+  /// Its entries, where the policy computes.
+  const resident_entries<Memory>& entries() const { return entries_; }
   /// Observations, as the caller gave them.
   std::size_t size() const { return size_; }
-  /// Number among the groups with landmarks.
-  int landmark_group() const { return landmark_group_; }
 
  private:
   resident_entries<Memory> entries_;
@@ -128,23 +128,23 @@ class resident_frame_group {
   using group_type = Group;
   using factor = decltype(Group::factor);
   using kernel = decltype(Group::kernel);
-  static constexpr bool with_landmarks = false, own_landmark_factors = false;
+  static constexpr bool with_landmarks = false, own_landmark_factors = false, reprojects = false;
 
   resident_frame_group(std::pmr::memory_resource* r, std::pmr::memory_resource*) : first_(r), second_(r), rows_(r) {}
 
-  static bool check(const Group& g, int frames, int) {
+  static void check(const Group& g, int frames, int) {
     const auto [first, second] = frames_of(g);
     require(g.rows.size() == first.size(), "rows.size()", g.rows.size(), "must be the number of factors");
     require_indices(first, frames, Pair ? "first" : "frame");
     require_kernel(g.kernel, "kernel");
     require_undefined_chi2(g.undefined_chi2);
-    if (!Pair) return true;
+    if (!Pair) return;
     require(second.size() == first.size(), "second.size()", second.size(), "must be that of first");
     require_indices(second, frames, "second");
     for (std::size_t i = 0; i < first.size(); ++i)
       require(first[i] != second[i], "second", second[i], "must not be the first frame");
-    return true;
   }
+  static bool all_finite(const Group&) { return true; }  // residuals tell
   void describe(const Group& g, structure_inputs& to) { to.frame_groups.push_back(frames_of(g)); }
 
   template <class Policy>

@@ -10,9 +10,11 @@
 
 #include "../config.hpp"
 #include "../error.hpp"
+#include "../parallel.hpp"
 #include "../plain_vector.hpp"
 #include "../span.hpp"
 #include "factor_sums.hpp"
+#include "order_observations.hpp"
 #include "robust.hpp"
 #include "structure.hpp"
 #include "structure_builder.hpp"
@@ -24,7 +26,9 @@ TURBOMAP_BEGIN_NAMESPACE
 ///
 ///     static constexpr bool with_landmarks;
 ///     static constexpr bool own_landmark_factors;      // with landmarks, and not reprojections
-///     static bool check(group, frames, landmarks);     // throws std::invalid_argument; whether all numbers are finite
+///     static constexpr bool reprojects;                // reprojections
+///     static void check(group, frames, landmarks);     // throws std::invalid_argument
+///     static bool all_finite(group);                   // whether all numbers are
 ///     void describe(group, structure_inputs&);         // adds what the structure must know
 ///     void assign(policy, group, structure, place);    // takes the group; moves `place` to the next one's
 ///     template <class G> void linearise(policy, estimate, factor_sums, cost_sums) const;  // G: numbers of
@@ -45,15 +49,44 @@ template <class Memory>
 class resident_entries {
  public:
   /// Empty. \param r  memory of the policy; must outlive this
-  explicit resident_entries(std::pmr::memory_resource* r) : chunks_(r), landmark_(r), row_(r), coupling_(r) {}
+  explicit resident_entries(std::pmr::memory_resource* r)
+      : chunks_(r), source_(r), landmark_(r), row_(r), coupling_(r) {}
 
   /// Sends the arrays of a group. Enqueued; `s` must stay until it has passed.
   template <class Policy>
   void send(const Policy& policy, const group_structure& s) {
     chunks_.send(policy, s.chunks), landmark_.send(policy, s.landmark);
-    row_.send(policy, s.row), coupling_.send(policy, s.coupling);
-    chunk_count_ = static_cast<int>(s.chunks.size());
+    row_.send(policy, s.row), coupling_.send(policy, s.coupling), source_.send(policy, s.source);
+    chunk_count_ = static_cast<int>(s.chunks.size()), size_ = s.source.size();
   }
+  /// Room for lists that the policy makes. \param to  where
+  void make(std::size_t most_chunks, observation_lists& to) {
+    const std::size_t entries = most_chunks * observation_padding;
+    to.chunks = chunks_.make(most_chunks), to.source = source_.make(entries);
+    to.entry_landmark = landmark_.make(entries), to.row = row_.make(entries), to.coupling = coupling_.make(entries);
+  }
+  /// How many chunks the policy made.
+  void made(int chunks) {
+    chunk_count_ = chunks;
+    size_ = static_cast<std::size_t>(chunks) * observation_padding;
+  }
+  /// Enqueues copies of lists that the policy made.
+  template <class Policy>
+  void fetch(const Policy& policy, group_structure& to) const {
+    const auto chunks = static_cast<std::size_t>(chunk_count_), entries = size_;
+    fetch_list(policy, chunks_, chunks, to.chunks), fetch_list(policy, source_, entries, to.source);
+    fetch_list(policy, landmark_, entries, to.landmark), fetch_list(policy, row_, entries, to.row);
+    fetch_list(policy, coupling_, entries, to.coupling);
+  }
+
+  /// How many chunks.
+  int chunk_count() const { return chunk_count_; }
+  /// Entries, padding too.
+  std::size_t size() const { return size_; }
+  /// Where the policy computes.
+  const observation_chunk* chunks() const { return chunks_.data(); }
+  /// [entry] row of the caller, where the policy computes.
+  const std::int32_t* source() const { return source_.data(); }
 
   /// Fills in the pointers of a view of a group.
   template <class View>
@@ -65,9 +98,35 @@ class resident_entries {
 
  private:
   resident_copy<observation_chunk, Memory> chunks_;
-  resident_copy<std::int32_t, Memory> landmark_, row_, coupling_;
+  resident_copy<std::int32_t, Memory> source_, landmark_, row_, coupling_;
   int chunk_count_ = 0;
+  std::size_t size_ = 0;
 };
+
+/// Index = chunk: values of its entries in the order of the rows that were given.
+struct return_rows {
+  const observation_chunk* chunks;  ///< of the group
+  const std::int32_t* source;       ///< [entry]
+  const double* chi2;               ///< [entry]
+  const double* depth;              ///< [entry]
+  double* chi2_of_row;              ///< [row]
+  double* depth_of_row;             ///< [row]
+
+  /// Entries of a chunk.
+  TURBOMAP_HD void operator()(int chunk) const {
+    const observation_chunk& c = chunks[chunk];
+    for (int i = c.begin; i < c.begin + c.count; ++i)
+      chi2_of_row[source[i]] = chi2[i], depth_of_row[source[i]] = depth[i];
+  }
+};
+
+/// \param to  chi2, then depth, of `rows` rows  \param values  the same of `n` entries
+template <class Derived, class Memory>
+void launch_return_rows(const thrust::execution_policy<Derived>& policy, const resident_entries<Memory>& entries,
+                        const double* values, std::size_t n, double* to, std::size_t rows) {
+  for_each_index(derived(policy), entries.chunk_count(),
+                 return_rows{entries.chunks(), entries.source(), values, values + n, to, to + rows});
+}
 
 namespace detail {
 

@@ -29,7 +29,7 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
   /// @{
   /// See the list of members at resident_group.
   using group_type = reprojections<Camera, Kernel>;
-  static constexpr bool with_landmarks = true, own_landmark_factors = false;
+  static constexpr bool with_landmarks = true, own_landmark_factors = false, reprojects = true;
   /// @}
 
   /// \param staging  see context::staging_resource()
@@ -38,7 +38,7 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
 
   /// @{
   /// See the list of members at resident_group.
-  static bool check(const group_type& g, int frames, int landmarks) {
+  static void check(const group_type& g, int frames, int landmarks) {
     const std::size_t n = g.frame.size();
     require(g.landmark.size() == n, "landmark.size()", g.landmark.size(), "must be that of frame");
     require(g.pixel.size() == n, "pixel.size()", g.pixel.size(), "must be that of frame");
@@ -60,18 +60,21 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
     for (std::size_t i = 0; !all_have_right && i < g.stereo.size(); ++i)
       require(g.stereo[i] == 0 || g.rig[g.camera.empty() ? 0 : g.camera[i]].bf > 0, "stereo", i,
               "is a row whose camera has no right image (bf = 0)");
-    bool finite = true, negative = false;  // no branches in the loop
+    bool negative = false;  // no branches in the loop
+    for (std::size_t i = 0; i < n; ++i) negative |= g.information[i] < 0;
+    for (std::size_t i = 0; negative && i < n; ++i)
+      require(!(g.information[i] < 0), "information", g.information[i], "must not be negative");
+  }
+  static bool all_finite(const group_type& g) {
+    bool finite = true;
     const std::uint8_t* const stereo = g.stereo.empty() ? nullptr : g.stereo.data();
-    for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t i = 0; i < g.pixel.size(); ++i) {
       const vec3<double>& z = g.pixel[i];
-      negative |= g.information[i] < 0;
       finite &= detail::is_finite(z.x);
       finite &= detail::is_finite(z.y);
       finite &= detail::is_finite(g.information[i]);
       if (stereo != nullptr) finite &= (stereo[i] == 0) | detail::is_finite(z.z);
     }
-    for (std::size_t i = 0; negative && i < n; ++i)
-      require(!(g.information[i] < 0), "information", g.information[i], "must not be negative");
     return finite;
   }
 
@@ -98,15 +101,9 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
   template <class Policy>
   void assign(const Policy& policy, const group_type& g, const adjustment_structure& structure, group_place& place) {
     const group_structure& s = structure.groups[static_cast<std::size_t>(place.landmark_group)];
-    landmark_group_ = place.landmark_group++, first_chunk_ = place.first_chunk;
+    begin(g, place);
+    prepare_cameras(g, place.distance);
     place.first_chunk += static_cast<int>(s.chunks.size());
-    size_ = g.frame.size();
-    mono_ = g.mono_kernel, stereo_ = g.stereo_kernel, undefined_chi2_ = g.undefined_chi2;
-    cameras_.host().clear();
-    for (int c = 0; c < g.rig.count; ++c) {
-      cameras_.host().push_back(adjustment_camera<Camera>(g.rig[c], g.stereo_correlation));
-      cameras_.host().back().nearest = g.nearest * place.distance;
-    }
     stride_ = s.source.size();
     rows_.resize_discard(row_size * stride_);
     double* const row = rows_.data();
@@ -126,6 +123,47 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
     entries_.send(policy, s);
   }
 
+  /// @}
+
+  /// assign() of the only group, where the policy makes its lists. \param to  where they belong
+  /// \param measurements  where they do
+  void make(const group_type& g, std::size_t most_chunks, observation_lists& to, place_observations& measurements) {
+    group_place first;
+    begin(g, first);
+    entries_.make(most_chunks, to);
+    stride_ = most_chunks * observation_padding;
+    double* const row = resident_rows_.make(row_size * stride_);
+    measurements.chunks = to.chunks, measurements.source = to.source, measurements.right_given = !g.stereo.empty();
+    measurements.u = row, measurements.v = row + stride_, measurements.u_right = row + 2 * stride_;
+    measurements.to_information = row + 3 * stride_;
+  }
+  /// \param distance  see group_place
+  void prepare_cameras(const group_type& g, double distance) {
+    cameras_.host().clear();
+    for (int c = 0; c < g.rig.count; ++c) {
+      cameras_.host().push_back(adjustment_camera<Camera>(g.rig[c], g.stereo_correlation));
+      cameras_.host().back().nearest = g.nearest * distance;
+    }
+  }
+  /// The prepared cameras, for the caller to send.
+  const plain_vector<adjustment_camera<Camera>>& cameras() const { return cameras_.host(); }
+  /// \param cameras  where they are now   \param chunks  how many the policy made
+  void made(const adjustment_camera<Camera>* cameras, int chunks) { cameras_.adopt(cameras), entries_.made(chunks); }
+  /// [row] of describe().
+  const std::uint8_t* kinds() const { return kind_.data(); }
+  /// Fetches what the policy made. Waits.
+  template <class Policy>
+  void fetch(const Policy& policy, adjustment_structure& structure) {
+    structure.groups.resize(1);
+    entries_.fetch(policy, structure.groups[0]);
+    rows_.resize_discard(row_size * stride_);
+    for (std::size_t k = 0; k < row_size; ++k)
+      copy_out(policy, rows_.data() + k * stride_, resident_rows_.data() + k * stride_,
+               entries_.size() * sizeof(double));
+    turbomap::synchronize(policy);
+  }
+  /// @{
+  /// See the list of members at resident_group.
   template <class G, class Policy, class A>
   void linearise(const Policy& policy, const estimate_view<Frame>& x, const factor_sums<A>& sums,
                  const cost_sums& costs) const {
@@ -158,12 +196,17 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
       }
   }
 
+  /// Its entries, where the policy computes.
+  const resident_entries<Memory>& entries() const { return entries_; }
   /// Observations, as the caller gave them.
   std::size_t size() const { return size_; }
-  /// Number among the groups with landmarks.
-  int landmark_group() const { return landmark_group_; }
 
  private:
+  void begin(const group_type& g, group_place& place) {
+    landmark_group_ = place.landmark_group++, first_chunk_ = place.first_chunk;
+    size_ = g.frame.size();
+    mono_ = g.mono_kernel, stereo_ = g.stereo_kernel, undefined_chi2_ = g.undefined_chi2;
+  }
   template <bool Stereo, class Rows>
   void list_row(const observation_chunk& c, std::size_t i, std::int32_t landmark, const isometry<double>& T,
                 const vec3<double>* landmarks, Rows& rows) const {

@@ -5,7 +5,11 @@
 /// \file
 /// The lists of an adjustment_structure where the policy computes.
 
+#include <cstddef>
+#include <cstdint>
+
 #include "../config.hpp"
+#include "order_observations.hpp"
 #include "structure.hpp"
 #include "uploaded.hpp"
 
@@ -31,6 +35,39 @@ class resident_structure {
   template <class Policy>
   void send_blocks(const Policy& policy, const adjustment_structure& s) {
     for_each_block_list(blocks_, s, [&](auto& list, const auto& host) { list.send(policy, host); });
+  }
+
+  /// Room for the lists of observations that the policy makes. \param to  where
+  void make_sums(const observation_input& in, observation_lists& to) {
+    const auto at = [](int i) { return static_cast<std::size_t>(i); };
+    const std::size_t rows = at(in.rows), landmarks = at(in.landmarks) + 1, frames = at(in.free_frames) + 1;
+    to.landmark_row = sums_.landmark_row.make(landmarks), to.landmark_slot = sums_.landmark_slot.make(landmarks);
+    to.slot_coupling = sums_.slot_coupling.make(rows + 1), to.slot_frame = sums_.slot_frame.make(rows);
+    to.slot_landmark = sums_.slot_landmark.make(rows), to.slot_list = sums_.slot_list.make(rows);
+    to.frame_partial = sums_.frame_partial.make(frames), to.frame_slot = sums_.frame_slot.make(frames);
+    to.partial_list = sums_.partial_list.make(at(in.most_chunks()));
+  }
+  /// The lists that are not of observations, where they are already. \param none  zeros, free frames + 1: there are no factors
+  /// of frames
+  void adopt(const std::int32_t* free_of_frame, const std::int32_t* frame_of_free, const std::int32_t* none) {
+    sums_.free_of_frame.adopt(free_of_frame), sums_.frame_of_free.adopt(frame_of_free);
+    sums_.frame_factor.adopt(none), sums_.frame_pair.adopt(none);
+    sums_.frame_factor_list.adopt(nullptr), sums_.neighbours.adopt(nullptr);
+  }
+  /// Fetches the lists of observations that the policy made.
+  template <class Policy>
+  void fetch(const Policy& policy, adjustment_structure& s) const {
+    const auto landmarks = static_cast<std::size_t>(s.landmarks) + 1,
+               frames = static_cast<std::size_t>(s.free_frames) + 1;
+    fetch_list(policy, sums_.landmark_row, landmarks, s.landmark_row);
+    fetch_list(policy, sums_.landmark_slot, landmarks, s.landmark_slot);
+    fetch_list(policy, sums_.slot_coupling, s.slots() + 1, s.slot_coupling);
+    fetch_list(policy, sums_.slot_frame, s.slots(), s.slot_frame);
+    fetch_list(policy, sums_.slot_landmark, s.slots(), s.slot_landmark);
+    fetch_list(policy, sums_.slot_list, s.slots(), s.slot_list);
+    fetch_list(policy, sums_.frame_partial, frames, s.frame_partial);
+    fetch_list(policy, sums_.frame_slot, frames, s.frame_slot);
+    fetch_list(policy, sums_.partial_list, static_cast<std::size_t>(s.sizes.free_chunks), s.partial_list);
   }
 
   /// Fills in the pointers of a view, e.g. schur_view. Those of the blocks are null before send_blocks().

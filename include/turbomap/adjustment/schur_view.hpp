@@ -42,11 +42,13 @@ struct schur_view : sum_lists<list_pointer>, block_lists<list_pointer> {
   A* eliminated = nullptr;                       ///< [slot] Z = coupling L^-T, as couplings
   eliminated_landmark* landmark = nullptr;       ///< [landmark]
   // Where sums.coupling is null, couplings are made of rows (row_couplings.hpp), and of these:
-  const A* axes = nullptr;            ///< [free frame]
-  const double* centres = nullptr;    ///< [free frame] landmark_stride
-  const double* positions = nullptr;  ///< of the landmarks where the rows were computed
-  double* H = nullptr;                ///< [free frame] lower triangle
-  double* b = nullptr;                ///< [free frame]
+  const double* positions = nullptr;        ///< of the landmarks where the rows were computed
+  const A* axes = nullptr;                  ///< [free frame] on the host
+  const double* centres = nullptr;          ///< [free frame] landmark_stride; on the host
+  const isometry<double>* poses = nullptr;  ///< [frame] on a device, where the rows were computed
+  const std::uint32_t* held = nullptr;      ///< [free frame] on a device; null: none
+  double* H = nullptr;                      ///< [free frame] lower triangle
+  double* b = nullptr;                      ///< [free frame]
 
   /// Whether landmark l moves.
   TURBOMAP_HD bool moves(int l) const { return landmark_fixed == nullptr || landmark_fixed[l] == 0; }

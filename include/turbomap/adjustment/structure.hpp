@@ -65,6 +65,7 @@ struct group_structure {
 template <template <class> class List>
 struct sum_lists {
   List<std::int32_t> free_of_frame{};      ///< [frame] number among the free frames; -1: fixed
+  List<std::int32_t> frame_of_free{};      ///< [free frame] the inverse
   List<std::int32_t> landmark_row{};       ///< [landmark + 1]
   List<std::int32_t> landmark_slot{};      ///< [landmark + 1]
   List<std::int32_t> slot_coupling{};      ///< [slot + 1]
@@ -94,7 +95,7 @@ struct block_lists {
 /// Calls f(list of a, same list of b) for each of sum_lists.
 template <class A, class B, class Function>
 void for_each_sum_list(A& a, B& b, Function f) {
-  f(a.free_of_frame, b.free_of_frame);
+  f(a.free_of_frame, b.free_of_frame), f(a.frame_of_free, b.frame_of_free);
   f(a.landmark_row, b.landmark_row), f(a.landmark_slot, b.landmark_slot);
   f(a.slot_coupling, b.slot_coupling), f(a.slot_frame, b.slot_frame), f(a.slot_landmark, b.slot_landmark);
   f(a.frame_partial, b.frame_partial), f(a.partial_list, b.partial_list);
@@ -117,24 +118,39 @@ using list_on_host = plain_vector<T>;
 template <class T>
 using list_pointer = const T*;
 
-/// Made once on the host from the inputs of a problem.
+/// How long the lists of observations are.
+struct structure_sizes {
+  std::int32_t rows = 0;       ///< observations
+  std::int32_t couplings = 0;  ///< observations of free frames
+  std::int32_t slots = 0;      ///< pairs of a free frame and a landmark that it sees
+  // Where the lists are elsewhere, also:
+  std::int32_t chunks = 0;       ///< of the one group
+  std::int32_t free_chunks = 0;  ///< those of free frames, which come first
+  std::int32_t moving = 0;       ///< landmarks with rows that are not fixed
+  std::int64_t pairs = 0;        ///< of slots of one landmark
+};
+
+/// Made once from the inputs of a problem: on the host (structure_builder.hpp), or where the policy computes
+/// (order_observations.hpp).
 struct adjustment_structure : sum_lists<list_on_host>, block_lists<list_on_host> {
-  int frames = 0;                            ///< all, fixed ones included
-  int landmarks = 0;                         ///< all, fixed ones included
-  int free_frames = 0;                       ///< frames that move
-  int partials = 0;                          ///< chunks of all groups, in order: each gives one partial sum
-  int frame_factors = 0;                     ///< factors of one frame and between two
-  int factor_partials = 0;                   ///< partial sums that they give: one per frame
-  plain_vector<std::int32_t> frame_of_free;  ///< [free frame] number of the frame
-  std::vector<group_structure> groups;       ///< of the groups with landmarks
-  plain_vector<free_pair> frame_pairs;       ///< [factor between two frames]
+  int frames = 0;                       ///< all, fixed ones included
+  int landmarks = 0;                    ///< all, fixed ones included
+  int free_frames = 0;                  ///< frames that move
+  int partials = 0;                     ///< chunks of all groups, in order: each gives one partial sum
+  int frame_factors = 0;                ///< factors of one frame and between two
+  int factor_partials = 0;              ///< partial sums that they give: one per frame
+  std::vector<group_structure> groups;  ///< of the groups with landmarks
+  plain_vector<free_pair> frame_pairs;  ///< [factor between two frames]
+  structure_sizes sizes;                ///< of the lists of observations
+  /// The policy made the lists of rows, slots and chunks, where it computes: they are not here, until they are fetched.
+  bool elsewhere = false;
 
   /// Observations of all groups.
-  std::size_t rows() const { return landmark_row.empty() ? 0 : static_cast<std::size_t>(landmark_row.back()); }
+  std::size_t rows() const { return static_cast<std::size_t>(sizes.rows); }
   /// Observations of free frames, of all groups.
-  std::size_t couplings() const { return slot_coupling.empty() ? 0 : static_cast<std::size_t>(slot_coupling.back()); }
+  std::size_t couplings() const { return static_cast<std::size_t>(sizes.couplings); }
   /// Pairs of a free frame and a landmark that it sees.
-  std::size_t slots() const { return slot_frame.size(); }
+  std::size_t slots() const { return static_cast<std::size_t>(sizes.slots); }
   /// Partial costs.
   std::size_t costs() const { return static_cast<std::size_t>(partials) + static_cast<std::size_t>(frame_factors); }
 };

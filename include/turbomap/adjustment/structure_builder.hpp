@@ -48,13 +48,28 @@ class structure_builder {
  public:
   /// All but the blocks: see block_finder.
   void build(const structure_input& in, adjustment_structure& s) {
-    s.frames = in.frames, s.landmarks = in.landmarks;
+    s.frames = in.frames, s.landmarks = in.landmarks, s.elsewhere = false;
     order_frames(in.fixed_frames, s);
     order_rows(in, s);
     list_slots(s);
     order_entries(in.landmark_groups, in.chunk, s);
     list_frame_factors(in.frame_groups, s);
     block_finder::clear(s);
+  }
+  /// The same without the lists of observations, which the policy makes.
+  void build_frames(const structure_input& in, adjustment_structure& s) {
+    s.frames = in.frames, s.landmarks = in.landmarks;
+    order_frames(in.fixed_frames, s);
+    list_frame_factors(in.frame_groups, s);
+    block_finder::clear(s);
+  }
+  /// [frame] its place where the free frames come first: rows of a landmark are in that order.
+  const plain_vector<std::int32_t>& keys() const { return key_; }
+  /// The inverse: [key] its frame.
+  const plain_vector<std::int32_t>& frames_of_keys(int frames) {
+    frame_of_key_.resize(at(frames));
+    for (std::int32_t f = 0; f < frames; ++f) frame_of_key_[at(key_[at(f)])] = f;
+    return frame_of_key_;
   }
 
  private:
@@ -164,6 +179,7 @@ class structure_builder {
         last = f, ++couplings;
       }
     }
+    s.sizes.rows = static_cast<std::int32_t>(n), s.sizes.couplings = couplings, s.sizes.slots = slots;
     s.landmark_slot[at(s.landmarks)] = slots;
     s.slot_coupling[at(slots)] = couplings;
     s.slot_coupling.resize(at(slots) + 1), s.slot_frame.resize(at(slots)), s.slot_landmark.resize(at(slots));
@@ -220,11 +236,10 @@ class structure_builder {
 
   /// Numbers of frames instead of their keys, and padding.
   void finish_chunks(group_structure& e, const adjustment_structure& s) {
-    frame_of_key_.resize(at(s.frames));
-    for (std::int32_t f = 0; f < s.frames; ++f) frame_of_key_[at(key_[at(f)])] = f;
+    const auto& frame_of_key = frames_of_keys(s.frames);
     for (auto& c : e.chunks) {
       c.free = c.frame < s.free_frames ? c.frame : -1;
-      c.frame = frame_of_key_[at(c.frame)];
+      c.frame = frame_of_key[at(c.frame)];
       frame_of_partial_.push_back(c.free);
       for (std::int32_t i = c.begin + c.count; i % observation_padding != 0; ++i) {
         const std::size_t last = at(c.begin + c.count - 1);

@@ -12,6 +12,7 @@
 #include "../math/pack_convert.hpp"
 #include "../parallel.hpp"
 #include "damping.hpp"
+#include "move_frames.hpp"
 #include "schur_view.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -94,6 +95,16 @@ void launch_substitute_landmarks(const thrust::execution_policy<Derived>& policy
                                  double* predicted) {
   for_each_index(derived(policy), landmark_gain_count(s.landmarks),
                  substitute_landmarks<A, V, D>{s, step, damping, from, to, predicted});
+}
+
+/// Applies a step to all landmarks and frames: launch_substitute_landmarks() and launch_retract_frames().
+/// \param frames  how many there are, fixed ones too
+template <int V, int D, class Frame, class Derived, class A>
+void launch_take_step(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s, const double* step,
+                      const damping& damping, int frames, const estimate_view<Frame>& from,
+                      const estimate_view<Frame>& to, double* predicted) {
+  launch_substitute_landmarks<V, D>(derived(policy), s, step, damping, from.landmarks, to.landmarks, predicted);
+  launch_retract_frames(derived(policy), frames, s.free_of_frame, step, from, to);
 }
 
 TURBOMAP_END_NAMESPACE

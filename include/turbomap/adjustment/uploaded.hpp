@@ -28,20 +28,28 @@ class resident_copy {
   /// Makes `n` elements readable to the policy. Enqueued under CUDA; what is at `from` must stay until it has passed.
   template <class Policy>
   void send(const Policy& policy, const T* from, std::size_t n) {
-    copy_.resize_discard(n);
-    copy_in(policy, copy_.data(), from, n * sizeof(T));
+    copy_in(policy, make(n), from, n * sizeof(T));
   }
   /// The same for a list.
   template <class Policy>
   void send(const Policy& policy, const plain_vector<T>& from) {
     send(policy, from.data(), from.size());
   }
+  /// Room for `n` elements that the policy writes itself.
+  T* make(std::size_t n) {
+    copy_.resize_discard(n);
+    data_ = copy_.data();
+    return copy_.data();
+  }
+  /// Elements that are where the policy computes already, and stay there as long as they are read.
+  void adopt(const T* there) { data_ = there; }
 
   /// Where the policy computes.
-  const T* data() const { return copy_.data(); }
+  const T* data() const { return data_; }
 
  private:
   array<T, Memory> copy_;
+  const T* data_ = nullptr;
 };
 
 /// Host memory: read in place, so what was sent must stay as long as it is read.
@@ -68,6 +76,13 @@ class resident_copy<T, host_memory> {
   const T* data_ = nullptr;
 };
 
+/// Enqueues a copy of `n` elements that the policy made.
+template <class Policy, class T, class Memory>
+void fetch_list(const Policy& policy, const resident_copy<T, Memory>& from, std::size_t n, plain_vector<T>& to) {
+  to.resize(n);
+  copy_out(policy, to.data(), from.data(), n * sizeof(T));
+}
+
 /// A host vector, and what the policy reads of it.
 template <class T, class Memory>
 class uploaded {
@@ -85,6 +100,8 @@ class uploaded {
   void send(const Policy& policy) {
     resident_.send(policy, host_);
   }
+  /// See resident_copy.
+  void adopt(const T* there) { resident_.adopt(there); }
   /// Where the policy reads.
   const T* data() const { return resident_.data(); }
 

@@ -28,6 +28,37 @@ __device__ inline void sum_rows_of_group(const schur_view<A>& s, int l, int lane
   for (int i = 0; i < 9; ++i) total[i] = sum_lanes<Lanes>(total[i]);
 }
 
+/// The coupling of a slot of landmark l, made of its rows: a reprojection depends on both through the point X = R p + t, so
+/// with the block H of the landmark it is ([X]x R; R) H, as row_couplings.hpp explains.
+template <int V, class A>
+__device__ inline void couple_slot(const schur_view<A>& s, int l, int slot, pack<A, column_lanes<V>> (&w)[3]) {
+  const int free = s.slot_frame[slot], first = s.slot_coupling[slot];
+  const int row = s.landmark_row[l] + first - s.slot_coupling[s.landmark_slot[l]];  // free frames come first
+  A h[6] = {};
+  for (int k = row; k < row + s.slot_coupling[slot + 1] - first; ++k)
+    for (int i = 0; i < 6; ++i) h[i] += s.sums.row[static_cast<std::ptrdiff_t>(k) * landmark_block<V>::row + i];
+  const isometry<double>& T = s.poses[s.frame_of_free[free]];
+  const double* p = s.positions + static_cast<std::ptrdiff_t>(l) * landmark_stride;
+  const vec3<double> body = T * vec3<double>{p[0], p[1], p[2]};
+  const A X[3] = {static_cast<A>(body.x), static_cast<A>(body.y), static_cast<A>(body.z)};
+  const std::uint32_t mask = s.held == nullptr ? 0 : s.held[free];
+  const A H[9] = {h[0], h[1], h[3], h[1], h[2], h[4], h[3], h[4], h[5]};
+#pragma unroll
+  for (int m = 0; m < 3; ++m) {
+    A v[3], column[column_lanes<V>];
+#pragma unroll
+    for (int k = 0; k < 3; ++k)
+      v[k] = static_cast<A>(T.R.m[3 * k]) * H[m] + static_cast<A>(T.R.m[3 * k + 1]) * H[3 + m] +
+             static_cast<A>(T.R.m[3 * k + 2]) * H[6 + m];
+    column[0] = X[1] * v[2] - X[2] * v[1], column[1] = X[2] * v[0] - X[0] * v[2], column[2] = X[0] * v[1] - X[1] * v[0];
+    column[3] = v[0], column[4] = v[1], column[5] = v[2];
+#pragma unroll
+    for (int i = 0; i < column_lanes<V>; ++i)
+      if (i >= 6 || (mask >> i & 1U) != 0) column[i] = A(0);
+    w[m] = pack<A, column_lanes<V>>::load(column);
+  }
+}
+
 template <class A, int V>
 __global__ void __launch_bounds__(landmark_tuning::threads) eliminate_landmarks_kernel(eliminate_landmarks<A, V> work) {
   constexpr int lanes = landmark_tuning::lanes;
@@ -41,7 +72,13 @@ __global__ void __launch_bounds__(landmark_tuning::threads) eliminate_landmarks_
   if (lane == 0) s.landmark[l] = e;
   const auto inverse = work.factor_of(e);
   for (int slot = s.landmark_slot[l] + lane; slot < s.landmark_slot[l + 1]; slot += lanes)
-    work.take_through(slot, inverse);
+    if (s.sums.coupling != nullptr) {
+      work.take_through(slot, inverse);
+    } else if constexpr (V >= 6) {
+      typename eliminate_landmarks<A, V>::P w[3];
+      couple_slot<V>(s, l, slot, w);
+      work.take_through(slot, w, inverse);
+    }
 }
 
 template <int V, class Derived, class A>

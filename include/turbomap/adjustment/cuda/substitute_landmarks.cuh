@@ -4,7 +4,7 @@
 
 /// \file
 /// launch_substitute_landmarks() under a CUDA policy: a few lanes per landmark share its slots. A block has the landmarks of
-/// one index of the generic body, whose gains one thread adds up in their order.
+/// one index of the generic body, whose gains one thread adds up in their order. launch_take_step() moves the frames in further blocks of the same kernel.
 
 #include <cstddef>
 
@@ -17,9 +17,9 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// A block of landmarks.
 template <class A, int V, int D>
-__global__ void __launch_bounds__(landmark_tuning::threads)
-    substitute_landmarks_kernel(substitute_landmarks<A, V, D> work) {
+__device__ inline void substitute_block(const substitute_landmarks<A, V, D>& work) {
   constexpr int lanes = landmark_tuning::lanes, landmarks = landmark_tuning::landmarks;
   static_assert(landmarks == substitute_landmarks<A, V, D>::landmarks_per_index);
   __shared__ double gains[landmarks];
@@ -56,6 +56,23 @@ __global__ void __launch_bounds__(landmark_tuning::threads)
   work.predicted[index] = sum;
 }
 
+template <class A, int V, int D>
+__global__ void __launch_bounds__(landmark_tuning::threads)
+    substitute_landmarks_kernel(substitute_landmarks<A, V, D> work) {
+  substitute_block(work);
+}
+
+/// The blocks of landmarks, then those of frames.
+template <class A, int V, int D, class Frame>
+__global__ void __launch_bounds__(landmark_tuning::threads)
+    take_step_kernel(substitute_landmarks<A, V, D> work, int landmark_blocks, retract_frames<Frame> retract,
+                     int frames) {
+  const int block = static_cast<int>(blockIdx.x) - landmark_blocks;
+  if (block < 0) return substitute_block(work);
+  const int f = block * landmark_tuning::threads + static_cast<int>(threadIdx.x);
+  if (f < frames) retract(f);
+}
+
 template <int V, int D, class Derived, class A>
 void launch_substitute_landmarks(const thrust::cuda_cub::execution_policy<Derived>& policy, const schur_view<A>& s,
                                  const double* step, const damping& damping, const double* from, double* to,
@@ -63,6 +80,18 @@ void launch_substitute_landmarks(const thrust::cuda_cub::execution_policy<Derive
   launch_kernel(policy, "launch of substitute_landmarks", substitute_landmarks_kernel<A, V, D>,
                 landmark_gain_count(s.landmarks), landmark_tuning::threads,
                 substitute_landmarks<A, V, D>{s, step, damping, from, to, predicted});
+}
+
+template <int V, int D, class Frame, class Derived, class A>
+void launch_take_step(const thrust::cuda_cub::execution_policy<Derived>& policy, const schur_view<A>& s,
+                      const double* step, const damping& damping, int frames, const estimate_view<Frame>& from,
+                      const estimate_view<Frame>& to, double* predicted) {
+  constexpr int threads = landmark_tuning::threads;
+  const int blocks = landmark_gain_count(s.landmarks);
+  launch_kernel(policy, "launch of take_step", take_step_kernel<A, V, D, Frame>,
+                blocks + (frames + threads - 1) / threads, threads,
+                substitute_landmarks<A, V, D>{s, step, damping, from.landmarks, to.landmarks, predicted}, blocks,
+                retract_frames<Frame>{s.free_of_frame, step, from.states, {to.states, to.poses}, to.states}, frames);
 }
 
 TURBOMAP_END_NAMESPACE

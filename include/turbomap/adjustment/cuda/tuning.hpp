@@ -5,6 +5,8 @@
 /// \file
 /// How adjustments are laid out for a CUDA device, and launch shapes of their kernels.
 
+#include <cstdint>
+
 #include "../../config.hpp"
 #include "../../memory.hpp"
 #include "../factor_sums.hpp"
@@ -63,6 +65,16 @@ struct list_blocks_tuning {
   static constexpr int threads = 256;        ///< per block
   static constexpr int scan_threads = 1024;  ///< of the block that scans
   static constexpr int frames = 128;         ///< the most that the table has rows for
+};
+
+/// launch_order_observations: a warp per landmark compares each two of its rows, up to `most_rows`; a block per frame and kind
+/// goes through all rows, at most `most_looks` in all: a millisecond or so. One block scans.
+struct order_observations_tuning {
+  static constexpr int threads = 128;                                ///< of a block of landmarks
+  static constexpr int bin_threads = 512;                            ///< of the block of a frame and kind
+  static constexpr int scan_threads = 1024;                          ///< of the block that scans
+  static constexpr int most_rows = 4096;                             ///< of a landmark
+  static constexpr std::int64_t most_looks = std::int64_t{1} << 29;  ///< at rows, in all
 };
 
 /// launch_sum_step, launch_survey_frames: one block, which has some thousands of numbers to add up.

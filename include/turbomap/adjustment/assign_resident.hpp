@@ -1,0 +1,158 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// bundle_problem::assign() under a policy that makes the lists of observations itself (order_observations.hpp): what was given
+/// goes up in one block, indices first, so that they are put in order while the measurements follow. The host waits once.
+
+#include <cstddef>
+#include <cstdint>
+
+#include "../config.hpp"
+#include "../context.hpp"
+#include "../packed_inputs.hpp"
+#include "../plain_vector.hpp"
+#include "factors.hpp"
+#include "order_observations.hpp"
+#include "structure_builder.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+
+/// Fills a part of a block and enqueues its copy. Much at once is not staged: pinned memory is scarce.
+template <class Policy>
+class block_sender {
+ public:
+  static constexpr std::size_t most_staged = std::size_t{1} << 26;
+
+  block_sender(context<Policy>& ctx, array<std::byte, memory_of_t<Policy>>& to, std::size_t bytes)
+      : ctx_(ctx), staged_(bytes <= most_staged), block_{nullptr, nullptr} {
+    if (staged_) {
+      block_ = ctx.begin_upload(to, bytes);
+    } else {
+      to.resize_discard(bytes);
+      block_.resident = to.data();
+    }
+  }
+  /// The next part, in the order of places.
+  template <class T>
+  const T* put(const input_slot<T>& slot, const T* from) {
+    if (!staged_)
+      copy_in(ctx_.policy(), block_.resident + slot.at, from, slot.size * sizeof(T));
+    else
+      slot.copy(block_, from), end_ = slot.at + slot.size * sizeof(T);
+    return slot.size == 0 ? nullptr : slot.resident(block_);
+  }
+  /// Sends what was put since the last time.
+  void send() {
+    if (!staged_ || end_ <= begin_) return;
+    copy_in(ctx_.policy(), block_.resident + begin_, block_.host + begin_, end_ - begin_);
+    begin_ = end_;
+  }
+
+ private:
+  context<Policy>& ctx_;
+  bool staged_;
+  upload_block block_;
+  std::size_t begin_ = 0, end_ = 0;
+};
+
+}  // namespace detail
+
+/// \param data     a problem_data with one group, reprojections, which has been checked and described
+/// \param builder  its frames are built here
+/// \param distance  gives the typical distance of a landmark, see group_place
+/// \param hold     makes the masks of held unknowns, which depend on the free frames
+/// \param finite   whether all numbers of rows and landmarks are: told by the policy, which looks at them anyway
+/// \return false: the host must make the lists
+template <class Policy, class Data, class Group, class Distance, class Hold>
+bool assign_resident(context<Policy>& ctx, Data& data, structure_builder& builder, const structure_input& in,
+                     const frame_input<typename Data::frame>& frames, const landmark_input& landmarks,
+                     const Group& group, Distance distance, Hold hold, bool& finite) {
+  using Frame = typename Data::frame;
+  using state = typename Frame::template state<double>;
+  auto& kept = std::get<0>(data.groups);
+  using camera = typename std::decay_t<decltype(kept.cameras())>::value_type;
+  const Policy& policy = ctx.policy();
+  adjustment_structure& s = data.structure;
+  builder.build_frames(in, s);
+  const std::size_t rows = group.frame.size(), n = frames.states.size(), m = landmarks.positions.size();
+  observation_input input{static_cast<int>(rows),
+                          s.frames,
+                          s.free_frames,
+                          s.landmarks,
+                          in.landmark_groups[0].kinds,
+                          nullptr,
+                          nullptr,
+                          nullptr,
+                          nullptr,
+                          nullptr,
+                          nullptr};
+  if (!can_order_observations(policy, input)) return false;
+  hold();
+  data.order.keep(input.landmarks);
+
+  // Whatever may not be allocated, before anything is enqueued.
+  const auto& masks = data.held.host();
+  const std::size_t free = static_cast<std::size_t>(s.free_frames);
+  packed_inputs inputs;
+  const auto keys = inputs.place<std::int32_t>(n), frame_of_key = inputs.place<std::int32_t>(n);
+  const auto row_frame = inputs.place<std::int32_t>(rows), row_landmark = inputs.place<std::int32_t>(rows);
+  const auto kind = inputs.place<std::uint8_t>(rows), fixed = inputs.place<std::uint8_t>(landmarks.fixed.size());
+  const auto free_of_frame = inputs.place<std::int32_t>(n), no_factors = inputs.place<std::int32_t>(free + 1);
+  const auto held = inputs.place<std::uint32_t>(masks.size());
+  const auto cameras = inputs.place<camera>(static_cast<std::size_t>(group.rig.count));
+  const auto states = inputs.place<state>(n);
+  const auto positions = inputs.place<vec3<double>>(m);
+  const auto information = inputs.place<double>(rows);
+  const auto pixel = inputs.place<vec3<double>>(rows);
+  detail::block_sender<Policy> block(ctx, data.inputs, inputs.bytes());
+  observation_lists lists{};
+  place_observations measurements{};
+  data.lists.make_sums(input, lists);
+  kept.make(group, static_cast<std::size_t>(input.most_chunks()), lists, measurements);
+  data.estimate.resize(n, m);
+  data.workspace.observations.resize_discard(1);
+  ctx.begin_call();
+  auto* const report = ctx.template scratch<observation_report>(1);
+
+  input.key_of_frame = block.put(keys, builder.keys().data());
+  input.frame_of_key = block.put(frame_of_key, builder.frames_of_keys(s.frames).data());
+  input.frame = block.put(row_frame, group.frame.data()),
+  input.landmark = block.put(row_landmark, group.landmark.data());
+  input.kind = block.put(kind, kept.kinds()), input.fixed = block.put(fixed, landmarks.fixed.data());
+  block.send();
+  launch_order_observations(policy, ctx.scratch(), input, lists, report);
+
+  data.landmark_fixed.host().assign(landmarks.fixed.begin(), landmarks.fixed.end());
+  data.landmark_fixed.adopt(input.fixed);
+  const std::int32_t* const numbers = block.put(free_of_frame, s.free_of_frame.data());
+  data.lists.adopt(numbers, input.frame_of_key, block.put(no_factors, s.frame_factor.data()));
+  data.held.adopt(block.put(held, masks.data()));
+  kept.prepare_cameras(group, distance());
+  const camera* const prepared = block.put(cameras, kept.cameras().data());
+  const place_estimate<Frame> estimate{block.put(states, frames.states.data()),
+                                       block.put(positions, landmarks.positions.data()),
+                                       s.frames,
+                                       s.landmarks,
+                                       data.estimate.current(),
+                                       report};
+  measurements.information = block.put(information, group.information.data());
+  block.send();
+  for_each_index(policy, s.frames > s.landmarks ? s.frames : s.landmarks, estimate);
+  measurements.pixel = block.put(pixel, group.pixel.data()), measurements.report = report;
+  block.send();
+  for_each_index(policy, input.most_chunks() * observation_padding, measurements);
+  observation_report& told = *data.workspace.observations.data();
+  copy_out(policy, &told, report, sizeof told);
+  ctx.synchronize();
+  if (told.too_long != 0) return false;
+  finite = told.not_finite == 0;
+  s.sizes = told.sizes, s.partials = told.sizes.chunks, s.elsewhere = true;
+  kept.made(prepared, told.sizes.chunks);
+  return true;
+}
+
+TURBOMAP_END_NAMESPACE

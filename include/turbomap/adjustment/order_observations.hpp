@@ -1,0 +1,137 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// The lists of observations of an adjustment_structure, made where the policy computes: what structure_builder.hpp makes on
+/// the host, to the last integer. Only for policies whose memory the host does not read, and for problems with one group of
+/// factors with landmarks. Chunks are of observation_padding entries there, so chunk c has the entries from
+/// observation_padding * c on.
+
+#include <cstddef>
+#include <cstdint>
+
+#include "../config.hpp"
+#include "../math/functions.hpp"
+#include "../math/rotation.hpp"
+#include "../memory.hpp"
+#include "../parallel.hpp"
+#include "../types.hpp"
+#include "factor_sums.hpp"
+#include "structure.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// What the lists are made of, where the policy computes.
+struct observation_input {
+  int rows;                          ///< observations
+  int frames;                        ///< all, fixed ones included
+  int free_frames;                   ///< frames that move
+  int landmarks;                     ///< all, fixed ones included
+  int kinds;                         ///< see landmark_group_input
+  const std::int32_t* key_of_frame;  ///< [frame] see structure_builder::keys()
+  const std::int32_t* frame_of_key;  ///< [frame] the inverse
+  const std::int32_t* frame;         ///< [row] frame that sees
+  const std::int32_t* landmark;      ///< [row] landmark that is seen
+  const std::uint8_t* kind;          ///< [row] below `kinds`
+  const std::uint8_t* fixed;         ///< [landmark] null: none
+
+  /// Frames and kinds: the rows of each have chunks of their own.
+  int bins() const { return frames * kinds; }
+  /// Chunks that there may be.
+  int most_chunks() const { return rows / observation_padding + (bins() < rows ? bins() : rows); }
+};
+
+/// Where they are written: there is room for most_chunks() chunks and as many slots as rows. See sum_lists, group_structure.
+struct observation_lists {
+  std::int32_t* landmark_row;    ///< [landmark + 1]
+  std::int32_t* landmark_slot;   ///< [landmark + 1]
+  std::int32_t* slot_coupling;   ///< [slot + 1]
+  std::int32_t* slot_frame;      ///< [slot]
+  std::int32_t* slot_landmark;   ///< [slot]
+  std::int32_t* frame_partial;   ///< [free frame + 1]
+  std::int32_t* partial_list;    ///< chunks of free frames
+  std::int32_t* frame_slot;      ///< [free frame + 1]
+  std::int32_t* slot_list;       ///< slots, frame by frame
+  observation_chunk* chunks;     ///< [chunk]
+  std::int32_t* source;          ///< [entry] row of the input
+  std::int32_t* entry_landmark;  ///< [entry]
+  std::int32_t* row;             ///< [entry] place in the order by landmark
+  std::int32_t* coupling;        ///< [entry] -1: fixed frame
+};
+
+/// What the host is told.
+struct observation_report {
+  structure_sizes sizes;    ///< of the lists
+  std::int32_t too_long;    ///< not 0: a landmark has too many rows for this way; the lists mean nothing
+  std::int32_t not_finite;  ///< not 0: a number that was given is not finite (place_observations, place_estimate)
+};
+
+/// Whether the policy makes the lists of a problem of this size.
+template <class Derived>
+bool can_order_observations(const thrust::execution_policy<Derived>& policy, const observation_input& in);
+
+/// Makes them. \param scratch  memory for the work  \param report  where the policy computes
+template <class Derived, class Arena>
+void launch_order_observations(const thrust::execution_policy<Derived>& policy, Arena& scratch,
+                               const observation_input& in, const observation_lists& to, observation_report* report);
+
+/// Index = entry: measurements in the order of the entries.
+struct place_observations {
+  const observation_chunk* chunks;  ///< as made
+  const std::int32_t* source;       ///< [entry] as made
+  const vec3<double>* pixel;        ///< [row] as given
+  const double* information;        ///< [row] as given
+  bool right_given;                 ///< a row is stereo whatever its u_right is
+  double* u;                        ///< [entry] px
+  double* v;                        ///< [entry] px
+  double* u_right;                  ///< [entry] px; 0 where the row is mono
+  double* to_information;           ///< [entry] px^-2; 0: padding
+  observation_report* report;       ///< of the lists; told of numbers that are not finite
+
+  /// Entry i, which need not exist.
+  TURBOMAP_HD void operator()(int i) const {
+    const int chunk = i / observation_padding;
+    if (report->too_long != 0 || chunk >= report->sizes.chunks) return;
+    const observation_chunk& c = chunks[chunk];
+    const bool right = c.kind % 2 == 1;
+    const std::int32_t o = source[i];
+    const vec3<double> z = pixel[o];
+    const double w = information[o];
+    u[i] = z.x, v[i] = z.y, u_right[i] = right ? z.z : 0;
+    to_information[i] = i - c.begin < c.count ? w : 0;
+    const bool finite = detail::is_finite(z.x) && detail::is_finite(z.y) && detail::is_finite(w);
+    if (!finite || (right_given && right && !detail::is_finite(z.z))) report->not_finite = 1;
+  }
+};
+
+/// Index = frame or landmark: the estimate that was given.
+template <class Frame>
+struct place_estimate {
+  using state = typename Frame::template state<double>;  ///< of a frame
+  const state* given;                                    ///< [frame]
+  const vec3<double>* positions;                         ///< [landmark]
+  int frames;                                            ///< how many
+  int landmarks;                                         ///< how many
+  estimate_view<Frame> to;                               ///< where they belong
+  observation_report* report;                            ///< told of positions that are not finite
+
+  /// Frame i and landmark i.
+  TURBOMAP_HD void operator()(int i) const {
+    if (i < frames) {
+      to.states[i] = given[i];
+      to.poses[i] = to_isometry<double>(normalised(Frame::template pose<double>(given[i])));
+    }
+    if (i >= landmarks) return;
+    const vec3<double> p = positions[i];
+    double* const x = to.landmarks + static_cast<std::ptrdiff_t>(i) * landmark_stride;
+    x[0] = p.x, x[1] = p.y, x[2] = p.z, x[3] = 0;
+    if (!(detail::is_finite(p.x) && detail::is_finite(p.y) && detail::is_finite(p.z))) report->not_finite = 1;
+  }
+};
+
+TURBOMAP_END_NAMESPACE
+
+#if TURBOMAP_HAS_CUDA
+#include "cuda/order_observations.cuh"
+#endif
