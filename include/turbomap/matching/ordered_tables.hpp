@@ -161,7 +161,8 @@ template <sorted_side Side, class Descriptor, class Camera, class Memory>
 ordered_tables<Descriptor, Camera, Side> take_tables(scratch_arena<Memory>& scratch,
                                                      const search_view<Descriptor, Camera>& search,
                                                      bool with_descriptors) {
-  const auto cameras = static_cast<std::size_t>(search.query_cameras * search.neighbour_cameras);
+  const auto cameras =
+      static_cast<std::size_t>(search.query_cameras) * static_cast<std::size_t>(search.neighbour_cameras);
   const auto neighbours = static_cast<std::size_t>(search.neighbour_count), tables = neighbours * cameras;
   const std::size_t entries = cameras * (Side == sorted_side::candidates
                                              ? static_cast<std::size_t>(search.candidate_offset[search.neighbour_count])

@@ -57,7 +57,7 @@ class track_creation {
     v.track_count = static_cast<int>(tracks.size());
     v.view_count = static_cast<int>(tracks.views.size());
     v.cameras = search.query_cameras > search.neighbour_cameras ? search.query_cameras : search.neighbour_cameras;
-    const auto placed = static_cast<std::size_t>((1 + search.neighbour_count) * v.cameras);
+    const auto placed = static_cast<std::size_t>(1 + search.neighbour_count) * static_cast<std::size_t>(v.cameras);
     points_.resize_discard(0), kept_.resize_discard(0);  // from here on memory may run out
     cameras_.resize_discard(placed);
     views_.resize_discard(tracks.views.size());

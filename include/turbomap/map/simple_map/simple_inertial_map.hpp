@@ -65,6 +65,7 @@ class simple_inertial_map : public simple_map<Descriptor, Camera> {
   /// From the keyframe before in time; null where it is not known.
   const preintegration<double>* motion(map_keyframe_id k) const { return at(k).has_motion ? &at(k).motion : nullptr; }
   /// \param samples  what was integrated, so that it can be integrated again; none: motions are corrected to first order
+  // It is moved from. NOLINTNEXTLINE(performance-unnecessary-value-param)
   void set_motion(map_keyframe_id k, const preintegration<double>& motion, imu_history samples = {}) {
     auto& entry = make(k);
     entry.motion = motion, entry.has_motion = true, entry.samples = std::move(samples);
