@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <exception>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -21,6 +22,7 @@
 #include "before_after/map_difference.hpp"
 #include "before_after/sequential_mapping.hpp"
 #include "objects_map/objects_map.hpp"
+#include "progress.hpp"
 #include "replay/replayed_map.hpp"
 #include "replay/stage_times.hpp"
 
@@ -161,7 +163,9 @@ int main(int argc, char** argv) try {
   after same(recording, parity(meta)), own(recording, defaults(meta));
   per_stage<turbomap::duration_statistics> times[3];
   turbomap::duration_statistics totals[3], counting;
-  for (std::size_t n = 0; n < recording.keyframe_count(); ++n) {
+  std::optional<turbomap_program::progress> bar;
+  bar.emplace("before and after", recording.keyframe_count());
+  for (std::size_t n = 0; n < recording.keyframe_count(); ++n, bar->advance()) {
     const auto i = static_cast<std::int32_t>(n);
     const per_stage<double> ms[]{hand.process(recording, i), same.process(recording, i), own.process(recording, i)};
     if (n >= turbomap_replay::warm_up) counting.add(hand.covisible_ms());
@@ -172,10 +176,12 @@ int main(int argc, char** argv) try {
       totals[m].add(total);
     }
     if (each && !compare(hand.world.map(), same.world.map()).equal()) {
+      bar.reset();
       std::printf("the maps differ after keyframe %zu\n", n);
       break;
     }
   }
+  bar.reset();
   std::printf("%-18s %12s %12s %8s %12s %8s\n", "mean ms", "by hand", "same rules", "ratio", "defaults", "ratio");
   const auto line = [](const char* name, double a, double b, double c) {
     std::printf("%-18s %12.3f %12.3f %7.1fx %12.3f %7.1fx\n", name, a, b, a / b, c, a / c);

@@ -30,7 +30,7 @@ struct compare {
   nlohmann::json operator()(const Problem& p) const {
     constexpr double scale = is_rig_problem<Problem>::value ? 1 : 0.5;  // of sums of squares; Ceres reports halves
     arguments twice = a;
-    twice.repeat = 2;  // times are of the second: memory of a problem is used again, so a program pays for new memory once
+    twice.repeat = 2;  // times are of the second: a problem uses its memory again, so a program pays for new memory once
     std::vector<double> ours_ms, ceres_ms;
     nlohmann::json ours, theirs;
     for (int i = 0; i < a.repeat; ++i) {
@@ -53,6 +53,10 @@ struct compare {
 int main(int argc, char** argv) try {
   arguments a;
   CLI::App app("Adjusts one problem by TurboMap and by Ceres Solver.", "turbomap-ceres-bundle");
+  app.footer(
+      "Examples:\n"
+      "  turbomap-ceres-bundle synthetic-lba/30-20-6000 --repeat 3\n"
+      "  turbomap-ceres-bundle bal-ladybug-49/problem-49-7776-pre.txt --iterations 50");
   app.add_option("input", a.input, "file or folder of the problem, as for turbomap-bundle")->required();
   app.add_option("--solver", a.solver, "of the reduced system")
       ->check(CLI::IsMember({"automatic", "dense", "sparse", "pcg"}));

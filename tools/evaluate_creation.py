@@ -141,6 +141,8 @@ def replay(args, folder, options, policy=None, run="", growth=False, environment
     `growth`, 'growth_file' names a CSV of times per keyframe."""
     program = str(args.bin / "turbomap-replay")
     options = ["--policy", policy or args.policy, *args.options.split(), *options]
+    if "--imu" not in options:
+        options.append("--no-imu")  # all rigs are compared visually unless asked otherwise
     name = re.sub(r"[^\w.-]+", "_", " ".join([folder.name, *options, *([run] if run else [])]))
     result = args.work / "results" / digest(program) / (name + ".json")
     made_by = folder / "made_by.txt"

@@ -95,6 +95,7 @@ int main(int argc, char** argv) {
   std::string file;
   map_evaluation_options options;
   CLI::App app("Evaluates search and creation on a recorded map with known poses.", "turbomap-evaluate-euroc-map");
+  app.footer("Example:\n  turbomap-evaluate-euroc-map euroc-v101-map/euroc_v1_01_submaps.kfm");
   app.add_option("MAP", file, "The .kfm file")->required();
   app.add_option("--neighbours", options.neighbours, "Neighbours per keyframe")
       ->check(CLI::Range(1, 1000))

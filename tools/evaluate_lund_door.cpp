@@ -44,6 +44,7 @@ int main(int argc, char** argv) {
   std::string folder;
   photo_evaluation_options options;
   CLI::App app("Evaluates search and creation on photographs with a COLMAP model.", "turbomap-evaluate-lund-door");
+  app.footer("Example:\n  turbomap-evaluate-lund-door lund-door");
   app.add_option("FOLDER", folder, "Folder with images/ and colmap_ground_truth/ (text form)")->required();
   app.add_option("--features", options.features, "ORB features per photograph")
       ->check(CLI::Range(1, 1000000))

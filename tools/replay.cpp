@@ -126,15 +126,17 @@ int main(int argc, char** argv) try {
                  "how the map is stored: flat arrays, or objects with locks and getters that copy, as in the field "
                  "(host policies, replay mode)")
       ->check(CLI::IsMember({"simple", "objects"}));
-  auto* imu = app.add_flag("--imu", a.imu,
-                           "use the recording's IMU, initialised from its samples (host policies, replay mode)");
+  bool uses_imu = false, centres = false;
+  auto* imu = app.add_flag("--imu,!--no-imu", uses_imu,
+                           "use the IMU, initialised from its samples, or leave it out; when not given, recordings "
+                           "with an IMU use it (host policies, replay mode)");
   app.add_option("--imu-noise", a.imu_noise,
-                 "with --imu: its noise densities, times those of the recording; above 1 where it vibrates")
-      ->needs(imu)
+                 "noise densities of the IMU, times those of the recording; above 1 where it vibrates")
       ->check(CLI::Range(1e-3, 1e3));
-  app.add_flag("--pixel-centres", a.pixel_centres,
-               "move recorded keypoints of coarser levels to where they are in the full image (recordings that are not "
-               "neither simulated nor of turbomap-extract, replay mode)");
+  auto* pixel_centres =
+      app.add_flag("--pixel-centres,!--no-pixel-centres", centres,
+                   "move recorded keypoints of coarser levels to where they are in the full image, or not; when not "
+                   "given, the recording says so or its observations tell (replay mode)");
   app.add_flag("--check", a.check, "compare every stage with the recorded snapshots; exit status 1 when one differs");
   app.add_option("--stages", stages,
                  "stages to run, separated by commas: "
@@ -234,11 +236,17 @@ int main(int argc, char** argv) try {
     throw std::invalid_argument("--map objects: not together with --check or the policy cuda");
   if (a.accurate && a.culling_observers >= 0 && a.culling_share < 0)
     throw std::invalid_argument("--culling-observers: with --preset accurate not without --culling-share");
-  if (a.pixel_centres && a.check) throw std::invalid_argument("--pixel-centres: not together with --check");
+  const auto chosen = [](const CLI::Option* option, bool value) {
+    using turbomap_replay::choice;
+    return option->count() == 0 ? choice::by_recording : value ? choice::yes : choice::no;
+  };
+  a.imu = chosen(imu, uses_imu), a.pixel_centres = chosen(pixel_centres, centres);
+  if (centres && a.check) throw std::invalid_argument("--pixel-centres: not together with --check");
   if (a.error_parts && a.check) throw std::invalid_argument("--error-parts: not together with --check");
-  if (a.imu &&
-      (a.check || a.objects || a.policy == "cuda" || std::count(a.beside.begin(), a.beside.end(), "cuda") != 0))
-    throw std::invalid_argument("--imu: not together with --check, --map objects or the policy cuda");
+  if (a.check || a.objects || a.policy == "cuda" || std::count(a.beside.begin(), a.beside.end(), "cuda") != 0) {
+    if (uses_imu) throw std::invalid_argument("--imu: not together with --check, --map objects or the policy cuda");
+    a.imu = turbomap_replay::choice::no;
+  }
   a.growth = a.growth || !a.growth_file.empty();
   a.projected = associate == "projected";
   a.uncertain_tracking = points == "uncertain" || a.accurate, a.uncertain_fusion = fused == "uncertain";

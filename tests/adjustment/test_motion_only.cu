@@ -18,7 +18,8 @@ using namespace turbomap_test;
 using turbomap::posed_frame;
 using sequential = std::decay_t<decltype(thrust::seq)>;
 
-void check_same(const posed& device, const posed& host, const posed& again) {
+/// \param pose_tolerance  between device and host: iterations end where the next step promises 1e-14 of the cost
+void check_same(const posed& device, const posed& host, const posed& again, double pose_tolerance = 1e-9) {
   CHECK(device.outlier == host.outlier);
   CHECK(device.outlier == again.outlier);
   static_assert(sizeof(posed_frame) == 8 * sizeof(double) + 2 * sizeof(std::int32_t));  // no padding
@@ -30,7 +31,7 @@ void check_same(const posed& device, const posed& host, const posed& again) {
     CHECK(a.adjusted == b.adjusted);
     CHECK(a.inliers == b.inliers);
     CHECK(std::abs(a.cost - b.cost) <= 1e-9 * b.cost);
-    CHECK(pose_error(a.T_cw, b.T_cw) <= 1e-9);
+    CHECK(pose_error(a.T_cw, b.T_cw) <= pose_tolerance);
   }
 }
 
@@ -83,7 +84,8 @@ TEST_CASE("one object, one context: frames after frames, more and fewer") {
     const frames_input in(make_adjustment_scene(scene_kind::stereo, frames, 0, 60, 9));
     posed p;
     adjust(ctx, in.view(), {}, p.frames, p.outlier);
-    check_same(p, adjust_poses(sequential{}, in), adjust_poses(on.policy(), in));
+    // Frames of few points: such a step is up to sqrt(1e-14 cost / information), some 1e-8 m.
+    check_same(p, adjust_poses(sequential{}, in), adjust_poses(on.policy(), in), 5e-8);
   }
 }
 

@@ -10,6 +10,7 @@
 #   #include <turbomap/...>, also in code
 #   \see             identifiers
 # A name exists when the code (not a comment) of include/, tools/, examples/, tests/reference or tests/support has that word.
+# And `--help` of every program has an example.
 # names_allowed.txt lists the others, one regular expression a line.
 set -eu -o pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
@@ -176,3 +177,9 @@ awk -F '\t' -v words="$scratch/words" -v files="$scratch/files" -v options="$scr
     if (!good) { print $1 ": no " $2 " " $3; ++bad }
   }
   END { exit bad > 0 }' "$scratch/named"
+
+without=$(grep -LE '"Examples?:' tools/*.cpp || true)
+if [[ -n $without ]]; then
+  echo "$without: --help has no example"
+  exit 1
+fi

@@ -86,6 +86,7 @@ TEST_CASE("a recording is read back as written") {
     CHECK(again.meta.ate_kf_rmse_m == 0.03125);
     CHECK(again.meta.noise_px == 0.75);
     CHECK(again.meta.disparity_noise_px == -1);
+    CHECK(again.meta.keypoint_pixels == "multiplied");
     CHECK(again.nleft == std::vector<i4>(3, fisheye ? 3 : -1));
     CHECK(again.has_imu());
     CHECK(again.has_velocity());
@@ -250,6 +251,7 @@ TEST_CASE("a meta.json that could not be read is not written, and the old record
   refused([](auto& m) { m.T_bc.qw = 2; }, "key 'Tbc': does not begin");
   refused([](auto& m) { m.imu_noise_variance.pop_back(); }, "key 'imu_noise_cov_diag': needs 6");
   refused([](auto& m) { m.noise_px = -2; }, "key 'noise_px': is negative");
+  refused([](auto& m) { m.keypoint_pixels = "half"; }, "key 'keypoint_pixels': is 'half'");
   refused([](auto& m) { m.sim3_scale = NAN; }, "key 'sim3_scale': is not finite");
   refused([](auto& m) { m.events[0].name = "\xff\xfe"; }, "a string is not UTF-8");
   refused([](auto& m) { m.sensor = "\xff"; }, "a string is not UTF-8");

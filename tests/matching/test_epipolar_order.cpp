@@ -185,7 +185,7 @@ order_tally count_left_out(scene<Descriptor, Camera>& s, const search_options& o
         std::vector<std::int32_t> queries, candidates;
         for (int i = 0; i < search.slot_count; ++i)
           if (search.query().camera_of(search.queries[i]) == a) queries.push_back(search.queries[i]);
-        for (int k = search.candidate_offset[n]; k < search.candidate_offset[n + 1]; ++k)
+        for (int k = search.candidate_begin[n]; k < search.candidate_end[n]; ++k)
           if (search.neighbour(n).camera_of(search.candidates[k]) == b) candidates.push_back(search.candidates[k]);
         const auto mine =
             measure_keypoints(tables.query_measure(g, a), search.query(), search.scale, g, &g.T_ba.R, queries);

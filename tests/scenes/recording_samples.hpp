@@ -71,6 +71,7 @@ inline turbomap::recording small_recording(bool fisheye = false) {
   }
   auto& r = record.data();
   r.meta.keyframes_inserted = 3, r.meta.ate_kf_rmse_m = 0.03125, r.meta.noise_px = 0.75;
+  r.meta.keypoint_pixels = "multiplied";
   r.final_T_cw = r.T_cw, r.final_alive = {1, 0, 1};
   r.frame_t_ns = r.t_ns, r.frame_T_cw = r.T_cw, r.frame_state = {2, 2, 1};
   r.frame_T_cw[2].tx = std::numeric_limits<float>::quiet_NaN();  // not tracked: means nothing

@@ -6,6 +6,7 @@
 /// What turbomap-replay is asked to do, and the entry of each policy.
 
 #include <algorithm>
+#include <cstddef>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -25,17 +26,21 @@ inline double simulated_correlation(const turbomap::recording_meta& meta) {
   return std::clamp(1 - ratio * ratio / 2, 0.0, 0.9999);
 }
 
+/// An option that a recording answers where nobody is asked.
+enum class choice { by_recording, no, yes };
+
 struct arguments {
   std::filesystem::path recording;
   std::string policy = "seq";
-  bool objects = false;             ///< the map is one of objects, as in the field; else a simple_map. Replay mode
-  bool imu = false;                 ///< the recording's IMU takes part. Replay mode
-  double imu_noise = 1;             ///< noise densities of the recording's IMU are multiplied by
-  bool pixel_centres = false;       ///< recorded keypoints are taken to the full image. Replay mode
-  std::vector<std::string> beside;  ///< more policies that the recording is replayed under
-  bool bound = true;                ///< of a simulated recording: the error of the batch adjustment is computed
-  bool error_parts = false;         ///< ... and what the error of the map comes from
-  bool quiet = false;               ///< of the replays beside the first: nothing is printed, no trajectory judged
+  bool objects = false;               ///< the map is one of objects, as in the field; else a simple_map. Replay mode
+  choice imu = choice::by_recording;  ///< the recording's IMU takes part; replay() knows whether. Replay mode
+  double imu_noise = 1;               ///< noise densities of the recording's IMU are multiplied by
+  choice pixel_centres = choice::by_recording;  ///< recorded keypoints are moved to the full image; likewise
+  std::vector<std::string> beside;              ///< more policies that the recording is replayed under
+  bool bound = true;                 ///< of a simulated recording: the error of the batch adjustment is computed
+  bool error_parts = false;          ///< ... and what the error of the map comes from
+  bool gather_observations = false;  ///< replay_result::observations is filled
+  bool quiet = false;                ///< of the replays beside the first: nothing is printed, no trajectory judged
   bool check = false;
   /// Stages that are switched on.
   bool point_culling = true, search = true, creation = true, fusion = true, map_update = true;
@@ -66,6 +71,7 @@ struct arguments {
   std::filesystem::path growth_file;   ///< the same per keyframe; empty: none
   std::filesystem::path json, trajectory, ply, report;  ///< outputs; empty: none
   int repeat = 1;
+  std::size_t most_keyframes = static_cast<std::size_t>(-1);  ///< so many first keyframes are replayed
   int perturb = 0;  ///< seed of a random micrometre on the poses that come in; 0: none
 
   /// Adjustments' stereo_correlation. Measured against ground truth on the EuRoC recordings, in pixels of the octave: u

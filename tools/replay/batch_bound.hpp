@@ -78,21 +78,33 @@ inline std::size_t most_seen_by_first(const true_observations& all) {
   return best;
 }
 
-/// Poses that fit observations best, one per keyframe: least squares without a robust kernel, every row with the sigma of its
-/// octave and the correlation that was simulated, from the poses and points that are given. In a monocular world, whose scale
-/// nobody knows, one point is held: align such poses with scale. O(observations + keyframes^3) at most; 0.1 s for 40
-/// keyframes. \param fixed  by keyframe: not 0 where the pose is held, at least one
+/// What adjust_observations() finds.
+struct fitted_poses {
+  std::vector<turbomap::rigid_transform<double>> T_cw;  ///< one per keyframe
+  double cost = 0;                                      ///< the sum of squares of the whitened residuals that is left
+};
+
+/// How rows are weighed: as the simulator drew them, or as adjustments of a map do.
+struct row_weights {
+  double stereo_correlation = 0;
+  double mono_delta2 = 1e300, stereo_delta2 = 1e300;  ///< Huber's; 1e300: plain least squares
+};
+
+/// Poses that fit observations best: least squares, every row with the sigma of its octave, from the poses and points that
+/// are given. In a monocular world, whose scale nobody knows, one point is held: align such poses with scale.
+/// O(observations + keyframes^3) at most; 0.1 s for 40 keyframes.
+/// \param fixed  by keyframe: not 0 where the pose is held, at least one
 template <class Camera, class Policy>
-std::vector<turbomap::rigid_transform<double>> adjust_observations(const turbomap::recording& recording,
-                                                                   const Policy& policy, const true_observations& all,
-                                                                   const std::vector<std::uint8_t>& fixed) {
+fitted_poses adjust_observations(const turbomap::recording& recording, const Policy& policy,
+                                 const true_observations& all, const std::vector<std::uint8_t>& fixed,
+                                 const row_weights& weights) {
   const auto rig = recorded_rig<Camera>(recording.meta);
   turbomap::reprojections<Camera> rows;
   rows.rig = {rig.data(), static_cast<int>(rig.size())};
   rows.frame = all.frame, rows.landmark = all.landmark;
   rows.pixel = all.pixel, rows.information = all.information, rows.camera = all.camera;
-  rows.stereo_correlation = simulated_correlation(recording.meta);
-  rows.mono_kernel.delta2 = rows.stereo_kernel.delta2 = 1e300;  // plain least squares
+  rows.stereo_correlation = weights.stereo_correlation;
+  rows.mono_kernel.delta2 = weights.mono_delta2, rows.stereo_kernel.delta2 = weights.stereo_delta2;
   std::vector<std::uint8_t> held(all.points.size(), 0);
   if (recording.meta.sensor == "monocular" && !held.empty()) held[most_seen_by_first(all)] = 1;
 
@@ -105,10 +117,10 @@ std::vector<turbomap::rigid_transform<double>> adjust_observations(const turboma
   turbomap::context<Policy> ctx(policy);
   turbomap::bundle_problem<Policy, turbomap::pose_frame, turbomap::reprojections<Camera>> problem(ctx);
   problem.assign(ctx, {all.T_cw, fixed}, {all.points, held}, rows);
-  turbomap::adjust<turbomap::every_adjustment_method>(ctx, problem, options);
-  std::vector<turbomap::rigid_transform<double>> T_cw;
-  problem.frames(ctx, T_cw);
-  return T_cw;
+  fitted_poses fitted;
+  fitted.cost = turbomap::adjust<turbomap::every_adjustment_method>(ctx, problem, options).cost_final;
+  problem.frames(ctx, fitted.T_cw);
+  return fitted;
 }
 
 /// Poses of the batch adjustment, from the truth; the first is held.
@@ -117,7 +129,7 @@ std::vector<turbomap::rigid_transform<double>> batch_poses(const turbomap::recor
   const true_observations all = gather_true_observations(recording);
   std::vector<std::uint8_t> fixed(all.T_cw.size(), 0);
   if (!fixed.empty()) fixed[0] = 1;
-  return adjust_observations<Camera>(recording, policy, all, fixed);
+  return adjust_observations<Camera>(recording, policy, all, fixed, {simulated_correlation(recording.meta)}).T_cw;
 }
 
 }  // namespace turbomap_replay

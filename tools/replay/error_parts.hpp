@@ -127,7 +127,9 @@ class error_parts {
     return at.first->second;
   }
   double error(const true_observations& of) const {
-    return trajectory_error(recording_, adjust_observations<Camera>(recording_, policy_, of, fixed_), alive_);
+    const row_weights weights{simulated_correlation(recording_.meta)};
+    return trajectory_error(recording_, adjust_observations<Camera>(recording_, policy_, of, fixed_, weights).T_cw,
+                            alive_);
   }
 
   const turbomap::recording& recording_;

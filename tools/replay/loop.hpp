@@ -5,6 +5,7 @@
 /// \file
 /// Replay mode: the keyframe log of a recording through the local mapper, on a map of our own.
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <utility>
@@ -61,7 +62,7 @@ struct replay_result {
   std::size_t projected = 0, projected_kept = 0;              ///< associations by projection; not forgotten as outliers
   std::size_t projected_right = 0, projected_kept_right = 0;  ///< by the simulator's ids
   match_verdict matches;
-  map_observations observations;  ///< with --error-parts
+  map_observations observations;  ///< with gather_observations
   points_verdict true_points;     ///< of a simulated recording
   turbomap::keyframe_store_statistics store;
   nlohmann::json imu;  ///< what became of it; null: not used
@@ -157,13 +158,14 @@ class replayer {
 
   replay_result run() {
     {
-      turbomap_program::progress bar("replay under " + arguments_.policy, recording_.keyframe_count());
-      for (std::size_t i = 0; i < recording_.keyframe_count(); ++i, bar.advance()) step(static_cast<std::int32_t>(i));
+      const std::size_t count = std::min(recording_.keyframe_count(), arguments_.most_keyframes);
+      turbomap_program::progress bar("replay under " + arguments_.policy, count);
+      for (std::size_t i = 0; i < count; ++i, bar.advance()) step(static_cast<std::int32_t>(i));
     }
-    if (arguments_.global_end && recording_.keyframe_count() != 0) adjust_globally();
+    if (arguments_.global_end && world_.size() != 0) adjust_globally();
     const auto& map = world_.map();
     result_.T_cw = poses();
-    for (std::size_t i = 0; i < recording_.keyframe_count(); ++i) {
+    for (std::size_t i = 0; i < world_.size(); ++i) {
       result_.alive.push_back(world_.alive(static_cast<std::int32_t>(i)) ? 1 : 0);
     }
     traits::for_each_point(map, [&](const point& p) {
@@ -176,7 +178,7 @@ class replayer {
     result_.map_digest = map_digest(map);
     result_.matches = judge_.verdict();
     if (recording_.is_simulated()) result_.true_points = points_.verdict(map);
-    if (arguments_.error_parts && !arguments_.quiet) result_.observations = gather_map_observations(map);
+    if (arguments_.gather_observations) result_.observations = gather_map_observations(map);
     result_.store = store_.statistics();
     result_.imu = imu_.json();
     return std::move(result_);
@@ -185,7 +187,7 @@ class replayer {
  private:
   void step(std::int32_t i) {
     const auto data = recorded_keyframe(recording_, static_cast<std::size_t>(i), rig_, keypoints_);  // not timed
-    if (arguments_.pixel_centres) centre(keypoints_);
+    if (arguments_.pixel_centres == choice::yes) centre(keypoints_);
     // In recorded time: a keyframe is begun when it has come and the one before is done.
     const double arrival = arrival_ms(i);
     clock_ms_ = clock_ms_ > arrival ? clock_ms_ : arrival;

@@ -55,6 +55,17 @@ inline void print_outcome(const nlohmann::json& json, const std::vector<stage_sa
   if (json["associate"] == "projected")
     std::printf("%zu associations by projection of the local map, %zu of them kept\n", count("associations_projected"),
                 count("associations_projected_kept"));
+  if (json.contains("keypoint_offset")) {
+    const auto& o = json["keypoint_offset"];
+    const double alpha = o["alpha"], sigma = o["sigma"];
+    std::printf("keypoints of coarser levels are off by %.2f +- %.2f of half a pixel: %s\n", alpha, sigma,
+                o["multiplied"].get<bool>() ? "moved to the full image" : "left as recorded");
+  }
+  if (json.contains("imu")) {
+    const auto& events = json["imu"]["events"];
+    if (events.empty()) std::printf("IMU not initialised\n");
+    if (!events.empty()) std::printf("IMU initialised after %.1f s\n", events[0]["seconds"].get<double>());
+  }
   print_table(stages);
   if (count("map_faults") != 0) std::printf("%zu faults in the map\n", count("map_faults"));
   if (json.contains("true_matches"))

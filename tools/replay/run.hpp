@@ -17,6 +17,7 @@
 
 #include "check.hpp"
 #include "growth.hpp"
+#include "keypoint_offset.hpp"
 #include "loop.hpp"
 #include "make_report.hpp"
 #include "print_outcome.hpp"
@@ -75,12 +76,45 @@ inline nlohmann::json guard_json(const std::vector<replay_row>& rows) {
   return json;
 }
 
+/// A map of the recording's first keyframes, and what its observations say of how they were extracted. Visual: alpha needs
+/// no gravity. No keyframe is culled, so that points have more views.
 template <class Camera, class Policy>
-outcome replay(const turbomap::recording& recording, const Policy& policy, const arguments& arguments) {
+keypoint_offset keypoint_offset_of(const turbomap::recording& recording, const Policy& policy, const arguments& of) {
+  const keypoint_offset_options options;
+  arguments plain;
+  plain.policy = of.policy, plain.culling = false, plain.quiet = true, plain.gather_observations = true;
+  plain.imu = plain.pixel_centres = choice::no;
+  plain.most_keyframes = options.keyframes;
+  const auto r = replayer<turbomap::simple_map<orb, Camera>, Policy>(recording, policy, plain).run();
+  return estimate_keypoint_offset<Camera>(recording, policy, r.observations, r.T_cw, r.alive,
+                                          plain.correlation(recording), options);
+}
+
+/// What the recording decides where the arguments do not: its IMU, and how its keypoints were extracted.
+template <class Camera, class Policy>
+arguments decided(const turbomap::recording& recording, const Policy& policy, arguments a, nlohmann::json& json) {
+  if (a.imu == choice::by_recording)
+    a.imu = recording.meta.sensor == "inertial" && recording.has_imu() ? choice::yes : choice::no;
+  a.gather_observations = a.error_parts && !a.quiet;
+  if (a.imu == choice::no && a.imu_noise != 1) throw std::invalid_argument("--imu-noise: the replay is without an IMU");
+  const std::string& from = recording.meta.keypoint_pixels;
+  if (a.pixel_centres == choice::by_recording && from == "unknown" && !recording.is_simulated()) {
+    const keypoint_offset found = keypoint_offset_of<Camera>(recording, policy, a);
+    a.pixel_centres = found.multiplied ? choice::yes : choice::no;
+    json = found.json();
+  }
+  if (a.pixel_centres == choice::by_recording) a.pixel_centres = from == "multiplied" ? choice::yes : choice::no;
+  return a;
+}
+
+template <class Camera, class Policy>
+outcome replay(const turbomap::recording& recording, const Policy& policy, const arguments& given) {
+  nlohmann::json offset;
+  const arguments arguments = decided<Camera>(recording, policy, given, offset);
   replay_result result;
   std::vector<replay_row> rows;  // of all repetitions, the first keyframes left out
   for (int k = 0; k < arguments.repeat; ++k) {
-    result = arguments.imu ? replay_inertial<Camera>(recording, arguments)
+    result = arguments.imu == choice::yes ? replay_inertial<Camera>(recording, arguments)
              : arguments.objects
                  ? replay_objects<Camera>(recording, arguments)
                  : replayer<turbomap::simple_map<orb, Camera>, Policy>(recording, policy, arguments).run();
@@ -142,7 +176,9 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
             {"peak_device_bytes", arguments.policy == "cuda" ? result.store.peak_chunk_bytes : 0},
             {"store_bytes_per_keyframe", result.store.bytes_per_keyframe}};
   for (const auto& s : stages) o.json["stages"][s.name] = s.json();
-  if (arguments.imu) o.json["imu"] = result.imu;
+  if (arguments.imu == choice::yes) o.json["imu"] = result.imu;
+  o.json["pixel_centres"] = arguments.pixel_centres == choice::yes;
+  if (!offset.is_null()) o.json["keypoint_offset"] = offset;
   if (arguments.queue) {
     stage_samples latency{"latency", -1, {}};
     for (const replay_row& row : rows) latency.ms.add(row.latency_ms);
@@ -239,8 +275,9 @@ outcome run(const Policy& policy, const arguments& arguments) {
   turbomap::recording recording = turbomap::read_recording(arguments.recording);
   if (arguments.error_parts && !recording.is_simulated())
     throw std::invalid_argument("--error-parts: the recording is not a simulated one");
-  if (arguments.pixel_centres && recording.is_simulated())
-    throw std::invalid_argument("--pixel-centres: keypoints of a simulated recording are those of the full image");
+  if (arguments.pixel_centres == choice::yes &&
+      (recording.is_simulated() || recording.meta.keypoint_pixels == "full_image"))
+    throw std::invalid_argument("--pixel-centres: keypoints of this recording are those of the full image");
   if (arguments.perturb > 0) perturb(recording, static_cast<std::uint64_t>(arguments.perturb));
   return recording.meta.is_fisheye() ? run_with<turbomap::kannala_brandt<float>>(recording, policy, arguments)
                                      : run_with<turbomap::pinhole<float>>(recording, policy, arguments);

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// turbomap-replay --imu.
+/// turbomap-replay with the IMU of a recording.
 
 #include "run_inertial.hpp"
 

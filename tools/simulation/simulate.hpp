@@ -61,6 +61,7 @@ inline recording_meta make_meta(const simulated_rig& rig, const simulation_optio
   m.sensor = options.imu ? "inertial" : rig.baseline > 0 ? "stereo" : "monocular";
   m.model = left.is_fisheye() ? "KannalaBrandt8" : "Pinhole";
   m.width = left.width, m.height = left.height;
+  m.keypoint_pixels = "full_image";
   m.camera1 = left.parameters();
   m.T_bc = to_float(left.T_bc);
   if (rig.cameras.size() == 2) {

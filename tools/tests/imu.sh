@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # usage: imu.sh TURBOMAP-SIMULATE TURBOMAP-REPLAY
-# Replays simulated recordings with their IMU, of which nothing but the samples is known: --imu --uninitialised. One camera and
+# Replays simulated recordings with their IMU, of which nothing but the samples is known (--uninitialised). One camera and
 # two that shake: initialised within 15 s of motion, the scale right to 1 %. One camera that moves evenly: not initialised.
 set -eu -o pipefail
 work=$(mktemp -d)
@@ -28,7 +28,7 @@ replay() {
   local name=$1 expected=$2
   shift 2
   "$simulate" "$@" --imu --uninitialised --out "$work/$name" >/dev/null
-  "$replayer" "$work/$name" --imu --no-bound --json "$work/$name.json" >/dev/null
+  "$replayer" "$work/$name" --no-bound --json "$work/$name.json" >/dev/null
   awk -F '[:,]' -v name="$name" -v expected="$expected" '
     /^  "(ate_rmse_m|map_faults|scale_error)"/ { gsub(/[ "]/, "", $1); value[$1] = $2 + 0 }
     /"not_initialised"/ { refused = 1 }

@@ -11,6 +11,7 @@
 #include "../array.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../result_copies.hpp"
 #include "appearance_view.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -36,7 +37,7 @@ class appearances {
   using element = typename Descriptor::element;  ///< of a descriptor
 
   /// No points. \param ctx  its resource gives the memory, and must outlive this
-  explicit appearances(const context<Policy>& ctx) : buffers_(ctx.resource()) {}
+  explicit appearances(const context<Policy>& ctx) : buffers_(ctx.resource()), copies_(ctx) {}
   /// Takes the memory of another, which has no points then.
   appearances(appearances&&) = default;
   /// Exchanges the memory with another.
@@ -54,15 +55,15 @@ class appearances {
   void plan(context<Policy>& ctx, Points& points, Elements& descriptors) const {
     points.resize(buffers_.points.size());
     descriptors.resize(buffers_.descriptors.size());
-    copy_out(ctx.policy(), points.data(), buffers_.points.data(), points.size() * sizeof(point_appearance));
-    copy_out(ctx.policy(), descriptors.data(), buffers_.descriptors.data(), descriptors.size() * sizeof(element));
-    ctx.synchronize();
+    copies_.fetch(ctx, {{points.data(), buffers_.points.data(), points.size() * sizeof(point_appearance)},
+                        {descriptors.data(), buffers_.descriptors.data(), descriptors.size() * sizeof(element)}});
   }
   /// For update_appearance(), which fills them.
   appearance_buffers<Descriptor, memory_type>& buffers() { return buffers_; }
 
  private:
   appearance_buffers<Descriptor, memory_type> buffers_;
+  mutable result_copies copies_;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -17,4 +17,9 @@ struct for_each_tuning {
   static constexpr int block_size = 128;  ///< threads
 };
 
+/// launch_list_found: one thread per index; some ten to some hundred blocks.
+struct list_found_tuning {
+  static constexpr int threads = 512;  ///< per block
+};
+
 TURBOMAP_END_NAMESPACE

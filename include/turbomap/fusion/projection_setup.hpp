@@ -136,7 +136,7 @@ projection_view<Descriptor, Camera> set_up_projection_search(
 
   v.keyframes = inputs.keyframes.resident(block);
   v.T_cw = inputs.T_cw.resident(block);
-  v.requests = inputs.requests.resident(block);
+  v.requests = buffers.resident_requests = inputs.requests.resident(block);
   v.scale = inputs.scale.resident(block);
   v.sigma2 = inputs.sigma2.resident(block);
   v.cameras = buffers.cameras.data();

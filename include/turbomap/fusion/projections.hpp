@@ -13,6 +13,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
+#include "../found_list.hpp"
 #include "../plain_vector.hpp"
 #include "projection_view.hpp"
 
@@ -37,10 +38,33 @@ struct projection_buffers {
   array<projection_hit<distance_type>, Memory> hits;      ///< [request][point]
   array<projection_trial<distance_type>, Memory> trials;  ///< [request][point], with options.keep_trials
   array<std::uint64_t, Memory> claims;                    ///< on the keypoints of all targets, with options.one_to_one
+  const projection_request* resident_requests = nullptr;  ///< where the policy reads them
   plain_vector<projection_request> requests;  ///< cameras of all targets; pointers are of the policy's memory
   int point_count = 0;                        ///< points of the last call
   bool has_trials = false;                    ///< whether the last call kept its trials
 };
+
+namespace detail {
+
+/// Index = request * points + point: its hit.
+template <class Distance>
+struct hit_found {
+  using entry = projection_match<Distance>;
+
+  const projection_request* requests;
+  const projection_hit<Distance>* hits;
+  int points;
+
+  TURBOMAP_HD bool operator()(int i, entry& e) const {
+    const projection_hit<Distance> hit = hits[i];
+    if (hit.keypoint < 0) return false;
+    const int r = i / points;
+    e = {requests[r].target, requests[r].camera, i - r * points, hit.keypoint, hit.distance};
+    return true;
+  }
+};
+
+}  // namespace detail
 
 /// Points found again in keyframes. Make one and use it for every call: its memory is reused. Move-only; not shared
 /// between threads.
@@ -52,8 +76,8 @@ class projections {
   using plan_type = std::vector<projection_match<distance_type>>;    ///< matches on the host
   using trials_type = std::vector<projection_trial<distance_type>>;  ///< trials on the host
 
-  /// No matches. \param ctx  its resource gives the memory, and must outlive this
-  explicit projections(const context<Policy>& ctx) : buffers_(ctx.resource()) {}
+  /// No matches. \param ctx  its resources give the memory, and must outlive this
+  explicit projections(const context<Policy>& ctx) : buffers_(ctx.resource()), list_(ctx) {}
   /// Takes the memory of another.
   projections(projections&&) = default;
   /// Exchanges the memory with another.
@@ -72,12 +96,9 @@ class projections {
   /// The same into a vector that is reused.
   template <class List>
   void plan(context<Policy>& ctx, List& result) const {
-    const projection_hit<distance_type>* hit = ctx.on_host(buffers_.hits.data(), size(), host_hits_);
-    ctx.synchronize();
-    result.clear();
-    for (const projection_request& r : buffers_.requests)
-      for (int p = 0; p < buffers_.point_count; ++p, ++hit)
-        if (hit->keypoint >= 0) result.push_back({r.target, r.camera, p, hit->keypoint, hit->distance});
+    list_.read(ctx, static_cast<int>(size()),
+               detail::hit_found<distance_type>{buffers_.resident_requests, buffers_.hits.data(), buffers_.point_count},
+               result);
   }
 
   /// The outcome of every point in every camera, [target][camera][point], equal on every policy. Waits.
@@ -97,7 +118,7 @@ class projections {
   std::size_t size() const { return buffers_.requests.size() * static_cast<std::size_t>(buffers_.point_count); }
 
   projection_buffers<Descriptor, memory_type> buffers_;
-  mutable plain_vector<projection_hit<distance_type>> host_hits_;
+  mutable found_list<projection_match<distance_type>, Policy> list_;
   mutable plain_vector<projection_trial<distance_type>> host_trials_;
 };
 

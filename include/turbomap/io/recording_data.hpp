@@ -78,6 +78,9 @@ struct recording_meta {
   double noise_px = -1;
   /// Simulated recordings: that of the disparity of a rectified pair, px at the finest level; -1: not known.
   double disparity_noise_px = -1;
+  /// What keypoints are pixels of: full_image; multiplied: their pyramid level, times its scale (in_full_image() mends that);
+  /// or unknown.
+  std::string keypoint_pixels = "unknown";
   std::vector<recording_event> events;  ///< in the order of iterations
   std::vector<std::int32_t> snapshots;  ///< iterations of which every stage's input and output is there
   // What the recorded system reported in the end; -1: unknown.

@@ -57,6 +57,8 @@ class meta_checks {
     imu("imu_noise_cov_diag", m.imu_noise_variance), imu("imu_walk_cov_diag", m.imu_walk_variance);
     not_negative_or_unknown("noise_px", m.noise_px);
     not_negative_or_unknown("disparity_noise_px", m.disparity_noise_px);
+    if (m.keypoint_pixels != "full_image" && m.keypoint_pixels != "multiplied" && m.keypoint_pixels != "unknown")
+      fail_("keypoint_pixels", "is '" + m.keypoint_pixels + "', not full_image, multiplied or unknown");
     for (const auto& e : m.events) finite("events", e.scale);
     finite("ate_kf_rmse_m", m.ate_kf_rmse_m), finite("ate_live_rmse_m", m.ate_live_rmse_m);
     finite("sim3_scale", m.sim3_scale);
@@ -125,6 +127,7 @@ inline recording_meta meta_of(const json_reader& json) {
   m.imu_noise_variance = json.get<std::vector<double>>("imu_noise_cov_diag", {});
   m.imu_walk_variance = json.get<std::vector<double>>("imu_walk_cov_diag", {});
   m.noise_px = json.get("noise_px", -1.0), m.disparity_noise_px = json.get("disparity_noise_px", -1.0);
+  m.keypoint_pixels = json.get<std::string>("keypoint_pixels", "unknown");
   m.snapshots = json.get<std::vector<std::int32_t>>("snapshots", {});
   m.frames = json.get("frames", -1), m.frames_not_ok = json.get("frames_not_ok", -1);
   m.keyframes_inserted = json.get("keyframes_inserted", -1);
@@ -173,6 +176,7 @@ inline std::string meta_text(const recording_meta& m, const std::filesystem::pat
   json["imu_noise_cov_diag"] = m.imu_noise_variance, json["imu_walk_cov_diag"] = m.imu_walk_variance;
   if (m.noise_px >= 0) json["noise_px"] = m.noise_px;
   if (m.disparity_noise_px >= 0) json["disparity_noise_px"] = m.disparity_noise_px;
+  if (m.keypoint_pixels != "unknown") json["keypoint_pixels"] = m.keypoint_pixels;
   json["events"] = nlohmann::ordered_json::array();
   for (const auto& e : m.events)
     json["events"].push_back({{"iter", e.iteration},

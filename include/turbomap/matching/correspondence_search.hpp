@@ -18,7 +18,7 @@
 #include "exhaustive_search.hpp"
 #include "grouped_search.hpp"
 #include "ordered_search.hpp"
-#include "prepare_pairs.hpp"
+#include "prepare_search.hpp"
 #include "search_setup.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -51,7 +51,7 @@ void search_correspondences(context<Policy>& ctx, const posed_keyframe<Descripto
   if (options.candidate_set != candidates::grouped && options.stopped()) return result.clear();
   try {
     bool finished = true;
-    launch_prepare_pairs(ctx.policy(), search);
+    launch_prepare_search(ctx.policy(), search);
     switch (options.candidate_set) {
       case candidates::grouped: {
         const int groups = query.view.groups.group_count, keypoints = query.view.keypoint_count;

@@ -14,6 +14,7 @@
 #include "../array.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../found_list.hpp"
 #include "../plain_vector.hpp"
 #include "search_view.hpp"
 
@@ -24,11 +25,12 @@ template <class Descriptor, class Camera, class Memory>
 struct search_buffers {
   /// Takes its memory from the resource.
   explicit search_buffers(std::pmr::memory_resource* resource)
-      : inputs(resource), pairs(resource), match(resource), distance(resource) {}
+      : inputs(resource), candidates(resource), pairs(resource), match(resource), distance(resource) {}
 
   /// Of the last search.
   search_view<Descriptor, Camera> view{};
   array<std::byte, Memory> inputs;                             ///< the arguments of the call, packed
+  array<std::int32_t, Memory> candidates;                      ///< search_view::candidate_end, then its candidates
   array<pair_geometry, Memory> pairs;                          ///< [neighbour][query camera][neighbour camera]
   array<std::int32_t, Memory> match;                           ///< [neighbour][slot]
   array<typename Descriptor::distance_type, Memory> distance;  ///< [neighbour][slot]
@@ -36,6 +38,26 @@ struct search_buffers {
   std::size_t neighbour_keypoints = 0;  ///< of all neighbours together
   bool has_angles = false;              ///< every keyframe came with the angles of its keypoints
 };
+
+namespace detail {
+
+/// Index = result of a search: its match.
+template <class Descriptor, class Camera>
+struct match_found {
+  using entry = correspondence<typename Descriptor::distance_type>;
+
+  search_view<Descriptor, Camera> search;
+
+  TURBOMAP_HD bool operator()(int i, entry& e) const {
+    const std::int32_t candidate = search.match[i];
+    if (candidate == no_match) return false;
+    const int n = i / search.slot_count;
+    e = {n, search.queries[i - n * search.slot_count], candidate, search.distance[i]};
+    return true;
+  }
+};
+
+}  // namespace detail
 
 /// Matches of one query keyframe against its neighbours, with the inputs they were found in (views, poses, masks). Make one
 /// and use it for every call: its memory is reused. The keyframes that the views point to must stay where they are until the
@@ -51,7 +73,7 @@ class correspondences {
   using plan_type = std::vector<correspondence<distance_type>>;
 
   /// Takes its memory from the context.
-  explicit correspondences(const context<Policy>& ctx) : buffers_(ctx.resource()) {}
+  explicit correspondences(const context<Policy>& ctx) : buffers_(ctx.resource()), list_(ctx) {}
   /// What was moved from holds nothing.
   correspondences(correspondences&&) = default;
   /// What was moved from holds nothing.
@@ -76,16 +98,7 @@ class correspondences {
   /// The same into a list that is reused.
   template <class List>
   void plan(context<Policy>& ctx, List& result) const {
-    const auto& search = view();
-    const auto count = static_cast<std::size_t>(size());
-    const std::int32_t* match = ctx.on_host(search.match, count, host_match_);
-    const distance_type* distance = ctx.on_host(search.distance, count, host_distance_);
-    ctx.synchronize();
-    result.clear();
-    for (int n = 0, i = 0; n < search.neighbour_count; ++n)
-      for (int slot = 0; slot < search.slot_count; ++slot, ++i)
-        if (match[i] != no_match)
-          result.push_back({n, queries()[static_cast<std::size_t>(slot)], match[i], distance[i]});
+    list_.read(ctx, size(), detail::match_found<Descriptor, Camera>{view()}, result);
   }
   /// Keypoints of all neighbours together.
   std::size_t neighbour_keypoint_count() const { return buffers_.neighbour_keypoints; }
@@ -98,8 +111,7 @@ class correspondences {
 
  private:
   search_buffers<Descriptor, Camera, memory_type> buffers_;
-  mutable plain_vector<std::int32_t> host_match_;
-  mutable plain_vector<distance_type> host_distance_;
+  mutable found_list<correspondence<distance_type>, Policy> list_;
 };
 
 TURBOMAP_END_NAMESPACE

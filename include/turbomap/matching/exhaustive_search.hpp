@@ -30,7 +30,7 @@ struct exhaustive_search {
     const auto& neighbour = search.neighbour(n);
     const auto* descriptor = search.query().descriptor_of(keypoint);
     candidate_scan<Descriptor, Camera> scan(search, n, keypoint);
-    for (int k = search.candidate_offset[n]; k < search.candidate_offset[n + 1]; ++k) {
+    for (int k = search.candidate_begin[n]; k < search.candidate_end[n]; ++k) {
       const std::int32_t c = search.candidates[k];
       const auto d = Descriptor::distance(descriptor, neighbour.descriptor_of(c));
       if (d <= scan.best_distance()) scan.consider(c, d);

@@ -13,7 +13,7 @@
 #include "../error.hpp"
 #include "../plain_vector.hpp"
 #include "correspondences.hpp"
-#include "prepare_pairs.hpp"
+#include "prepare_search.hpp"
 #include "search_setup.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -60,7 +60,7 @@ void given_correspondences(context<Policy>& ctx, const posed_keyframe<Descriptor
   }
   try {
     set_up_search(ctx, query, given, options, result.buffers());
-    launch_prepare_pairs(ctx.policy(), result.view());
+    launch_prepare_search(ctx.policy(), result.view());
     const auto& search = result.view();
     copy_in(ctx.policy(), search.match, candidate.data(), count * sizeof(std::int32_t));
     copy_in(ctx.policy(), search.distance, distance.data(), count * sizeof(typename Descriptor::distance_type));

@@ -83,15 +83,14 @@ struct ordered_tables {
   }
   /// Entries of each table of neighbour n.
   std::size_t capacity(int n) const {
-    if constexpr (of_candidates)
-      return static_cast<std::size_t>(search.candidate_offset[n + 1] - search.candidate_offset[n]);
+    if constexpr (of_candidates) return static_cast<std::size_t>(search.candidate_end[n] - search.candidate_begin[n]);
     return static_cast<std::size_t>(search.slot_count);
   }
   /// Entries of all tables before.
   std::int64_t first(int n, int a, int b) const {
     if constexpr (of_candidates) {
       const std::int64_t cameras = search.query_cameras * search.neighbour_cameras;
-      return cameras * search.candidate_offset[n] +
+      return cameras * search.candidate_begin[n] +
              (a * search.neighbour_cameras + b) * static_cast<std::int64_t>(capacity(n));
     }
     return number(n, a, b) * search.slot_count;
@@ -134,7 +133,7 @@ struct build_ordered_table {
         measure(rays, count - measured, intervals + measured);
         measured = count;
       };
-      for (int k = search.candidate_offset[n]; k < search.candidate_offset[n + 1]; ++k) {
+      for (int k = search.candidate_begin[n]; k < search.candidate_end[n]; ++k) {
         const std::int32_t keypoint = search.candidates[k];
         if (neighbour.camera_of(keypoint) != b) continue;
         const vec3<float>& ray = neighbour.bearing[keypoint];
@@ -164,9 +163,10 @@ ordered_tables<Descriptor, Camera, Side> take_tables(scratch_arena<Memory>& scra
   const auto cameras =
       static_cast<std::size_t>(search.query_cameras) * static_cast<std::size_t>(search.neighbour_cameras);
   const auto neighbours = static_cast<std::size_t>(search.neighbour_count), tables = neighbours * cameras;
-  const std::size_t entries = cameras * (Side == sorted_side::candidates
-                                             ? static_cast<std::size_t>(search.candidate_offset[search.neighbour_count])
-                                             : neighbours * static_cast<std::size_t>(search.slot_count));
+  const std::int32_t last_candidate = neighbours == 0 ? 0 : search.candidate_end[neighbours - 1];
+  const std::size_t entries =
+      cameras * (Side == sorted_side::candidates ? static_cast<std::size_t>(last_candidate)
+                                                 : neighbours * static_cast<std::size_t>(search.slot_count));
   ordered_tables<Descriptor, Camera, Side> result{};
   result.search = search;
   result.offsets = scratch.template take<std::int32_t>(tables * (epipolar_order_layout::total_buckets() + 1));

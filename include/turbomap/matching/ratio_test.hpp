@@ -68,7 +68,7 @@ struct keep_ratio {
   TURBOMAP_HD bool keep(const search_view<Descriptor, Camera>& search, int i) const {
     ratio_comparison<Descriptor, Camera> comparison(search, i, ratio);
     const int n = comparison.neighbour();
-    for (int k = search.candidate_offset[n]; k < search.candidate_offset[n + 1]; ++k)
+    for (int k = search.candidate_begin[n]; k < search.candidate_end[n]; ++k)
       if (comparison.close(search.candidates[k])) return false;
     return true;
   }

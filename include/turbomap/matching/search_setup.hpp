@@ -15,6 +15,7 @@
 #include "../error.hpp"
 #include "../math/scale_table.hpp"
 #include "correspondences.hpp"
+#include "prepare_search.hpp"
 #include "search_check.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -27,18 +28,6 @@ std::int64_t count_unmapped(const posed_keyframe<Descriptor, Camera>& k) {
   if (k.has_point.empty()) return k.view.keypoint_count;
   std::int32_t count = 0;
   for (const std::uint8_t m : k.has_point) count += m == 0;
-  return count;
-}
-/// Lists them, ascending; returns their number. Writes one element more than that: a branch for each keypoint would be guessed
-/// wrong half of the time.
-template <class Descriptor, class Camera>
-std::int32_t list_unmapped(const posed_keyframe<Descriptor, Camera>& k, std::int32_t* list) {
-  const std::uint8_t* const mapped = k.has_point.empty() ? nullptr : k.has_point.data();
-  std::int32_t count = 0;
-  for (std::int32_t i = 0; i < k.view.keypoint_count; ++i) {
-    list[count] = i;
-    count += mapped == nullptr || mapped[i] == 0;
-  }
   return count;
 }
 /// The neighbours of a call: those that were given and, last, the query itself where its cameras are matched.
@@ -54,25 +43,31 @@ struct searched_neighbours {
   std::size_t size() const { return given.size() + (across_rig ? 1 : 0); }
   const posed& operator[](std::size_t n) const { return n < given.size() ? given[n] : query; }
 };
+/// Room for the candidates of a neighbour, and for what list_unmapped() writes beyond. Where the policy computes elsewhere, there is
+/// room for all keypoints, so that the host need not count them.
+template <class Memory, class Descriptor, class Camera>
+std::int32_t candidate_room(const posed_keyframe<Descriptor, Camera>& k) {
+  if constexpr (is_host_accessible_v<Memory>) return static_cast<std::int32_t>(count_unmapped(k)) + 1;
+  return k.view.keypoint_count + 1;
+}
 inline void check_size(const char* name, std::int64_t size, std::int64_t factor = 1) {
   require(size * factor < (std::int64_t{1} << 31), name, size, "must be below 2^31 in one call");
 }
 
 /// Where the arguments of a search lie in their block.
-template <class Descriptor, class Camera>
+template <class Descriptor, class Camera, class Memory>
 struct search_inputs : packed_inputs {
   input_slot<keyframe_view<Descriptor, Camera>> keyframes;
   input_slot<rigid_transform<double>> T_cw;
-  input_slot<std::int32_t> has_point_offset, candidate_offset, candidates, queries;
+  input_slot<std::int32_t> has_point_offset, candidate_begin, queries;
   input_slot<float> scale, sigma2;
   input_slot<std::uint8_t> has_point;
 
-  search_inputs(std::size_t neighbours, std::int64_t candidate_count, std::int64_t slot_count, std::int64_t keypoints)
+  search_inputs(std::size_t neighbours, std::int64_t slot_count, std::int64_t keypoints)
       : keyframes(place<keyframe_view<Descriptor, Camera>>(1 + neighbours)),
         T_cw(place<rigid_transform<double>>(1 + neighbours)),
         has_point_offset(place<std::int32_t>(neighbours)),
-        candidate_offset(place<std::int32_t>(1 + neighbours)),
-        candidates(place<std::int32_t>(static_cast<std::size_t>(candidate_count) + 1)),
+        candidate_begin(place<std::int32_t>(neighbours)),
         queries(place<std::int32_t>(static_cast<std::size_t>(slot_count))),
         scale(place<float>(scale_table_size)),
         sigma2(place<float>(scale_table_size)),
@@ -83,22 +78,21 @@ struct search_inputs : packed_inputs {
     keyframes.host(block)[0] = neighbours.query.view;
     T_cw.host(block)[0] = neighbours.query.T_cw;
     queries.copy(block, query_list);
-    std::int32_t masks = 0, listed = 0;
+    std::int32_t masks = 0, room = 0;
     for (std::size_t n = 0; n < neighbours.size(); ++n) {
       const posed_keyframe<Descriptor, Camera>& k = neighbours[n];
       keyframes.host(block)[1 + n] = k.view;
       T_cw.host(block)[1 + n] = k.T_cw;
       has_point_offset.host(block)[n] = masks;
-      candidate_offset.host(block)[n] = listed;
+      candidate_begin.host(block)[n] = room;
       std::uint8_t* mask = has_point.host(block) + masks;
       if (k.has_point.empty())
         std::memset(mask, 0, static_cast<std::size_t>(k.view.keypoint_count));
       else
         std::memcpy(mask, k.has_point.data(), k.has_point.size());
       masks += k.view.keypoint_count;
-      listed += list_unmapped(k, candidates.host(block) + listed);
+      room += candidate_room<Memory>(k);
     }
-    candidate_offset.host(block)[neighbours.size()] = listed;
     fill_scales(scales, scale.host(block), sigma2.host(block));
   }
   void view(const upload_block& block, search_view<Descriptor, Camera>& v) const {
@@ -106,8 +100,7 @@ struct search_inputs : packed_inputs {
     v.T_cw = T_cw.resident(block);
     v.has_point = has_point.resident(block);
     v.has_point_offset = has_point_offset.resident(block);
-    v.candidates = candidates.resident(block);
-    v.candidate_offset = candidate_offset.resident(block);
+    v.candidate_begin = candidate_begin.resident(block);
     v.queries = queries.resident(block);
     v.scale = scale.resident(block);
     v.sigma2 = sigma2.resident(block);
@@ -122,6 +115,7 @@ template <class Descriptor, class Camera, class Policy>
 void set_up_search(context<Policy>& ctx, const posed_keyframe<Descriptor, Camera>& query,
                    span<const posed_keyframe<Descriptor, Camera>> given, const search_options& options,
                    search_buffers<Descriptor, Camera, memory_of_t<Policy>>& buffers) {
+  using memory = memory_of_t<Policy>;
   check_search(ctx, query, given, options);
   const detail::searched_neighbours<Descriptor, Camera> neighbours(query, given, options);
   const int neighbour_count = static_cast<int>(neighbours.size()), query_cameras = query.view.camera_count;
@@ -132,7 +126,7 @@ void set_up_search(context<Policy>& ctx, const posed_keyframe<Descriptor, Camera
     const posed_keyframe<Descriptor, Camera>& n = neighbours[i];
     cameras = n.view.camera_count > cameras ? n.view.camera_count : cameras;
     keypoints += n.view.keypoint_count;
-    candidate_count += detail::count_unmapped(n);
+    candidate_count += detail::candidate_room<memory>(n);
     has_angles = has_angles && n.view.angle != nullptr;
   }
   const std::int64_t slots = detail::count_unmapped(query), results = slots * neighbour_count;
@@ -142,23 +136,27 @@ void set_up_search(context<Policy>& ctx, const posed_keyframe<Descriptor, Camera
   detail::check_size("query groups x neighbours", std::int64_t{neighbour_count} * query.view.groups.group_count);
   detail::check_size("keypoints of all neighbours", keypoints);
   detail::check_size("query keypoints x neighbours", results);
-  const detail::search_inputs<Descriptor, Camera> inputs(neighbours.size(), candidate_count, slots, keypoints);
+  const detail::search_inputs<Descriptor, Camera, memory> inputs(neighbours.size(), slots, keypoints);
 
   auto& v = buffers.view;
   v.neighbour_count = v.slot_count =
       0;  // from here on memory may run out, and the arrays of the last result are replaced
   buffers.queries.reserve(static_cast<std::size_t>(slots) + 1);
+  buffers.candidates.resize_discard(neighbours.size() + static_cast<std::size_t>(candidate_count));
   buffers.pairs.resize_discard(static_cast<std::size_t>(pairs));
   buffers.match.resize_discard(static_cast<std::size_t>(results));
   buffers.distance.resize_discard(static_cast<std::size_t>(results));
   const upload_block block = ctx.begin_upload(buffers.inputs, inputs.bytes());
   buffers.queries.resize(static_cast<std::size_t>(slots) + 1);
-  detail::list_unmapped(query, buffers.queries.data());
+  detail::list_unmapped(query.has_point.empty() ? nullptr : query.has_point.data(), query.view.keypoint_count,
+                        buffers.queries.data());
   buffers.queries.resize(static_cast<std::size_t>(slots));
   inputs.fill(block, neighbours, buffers.queries.data(), options.scales);
   ctx.send(block, inputs.bytes());
 
   inputs.view(block, v);
+  v.candidate_end = buffers.candidates.data();
+  v.candidates = v.candidate_end + neighbours.size();
   v.pairs = buffers.pairs.data();
   v.match = buffers.match.data();
   v.distance = buffers.distance.data();

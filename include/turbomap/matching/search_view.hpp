@@ -27,8 +27,9 @@ struct search_view {
   const rigid_transform<double>* T_cw;                 ///< 1 + neighbour_count
   const std::uint8_t* has_point;                       ///< of all neighbours, one after the other
   const std::int32_t* has_point_offset;                ///< neighbour_count
-  const std::int32_t* candidates;                      ///< keypoints without a map point of all neighbours, ascending
-  const std::int32_t* candidate_offset;                ///< neighbour_count + 1
+  const std::int32_t* candidate_begin;                 ///< neighbour_count: of each neighbour in `candidates`
+  std::int32_t* candidate_end;                         ///< neighbour_count: behind its last one
+  std::int32_t* candidates;                            ///< its keypoints without a map point, ascending
   const std::int32_t* queries;                         ///< slot_count keypoints of the query, ascending
   const float* scale;                                  ///< scale_factor^o
   const float* sigma2;                                 ///< scale_factor^(2 o)

@@ -14,6 +14,7 @@
 #include "../error.hpp"
 #include "../named_range.hpp"
 #include "../precompiled.hpp"
+#include "../result_copies.hpp"
 #include "create_track.hpp"
 #include "creation_check.hpp"
 #include "tracks.hpp"
@@ -33,7 +34,8 @@ class track_creation {
         cameras_(ctx.resource()),
         views_(ctx.resource()),
         kept_(ctx.resource()),
-        points_(ctx.resource()) {}
+        points_(ctx.resource()),
+        copies_(ctx) {}
 
   /// All tracks with their outcome, in their order, equal to the last bit on every policy. Waits. O(views).
   /// \param kept  of each view of track_list::views: 1 where the point of its track is seen there, 0 where the view was
@@ -42,9 +44,8 @@ class track_creation {
   void plan(context<Policy>& ctx, Points& points, Kept& kept) const {
     points.resize(points_.size());
     kept.resize(kept_.size());
-    copy_out(ctx.policy(), points.data(), points_.data(), points.size() * sizeof(created_track));
-    copy_out(ctx.policy(), kept.data(), kept_.data(), kept.size());
-    ctx.synchronize();
+    copies_.fetch(ctx, {{points.data(), points_.data(), points.size() * sizeof(created_track)},
+                        {kept.data(), kept_.data(), kept.size()}});
   }
 
   /// See create_track_points().
@@ -93,6 +94,7 @@ class track_creation {
   array<detail::placed_view, memory_type> views_;
   array<std::uint8_t, memory_type> kept_;
   array<created_track, memory_type> points_;
+  mutable result_copies copies_;
 };
 
 /// Creates and tests one point for each track. The point nearest to the rays of all views is moved by at most

@@ -13,6 +13,7 @@
 #include "../array.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../found_list.hpp"
 #include "../named_range.hpp"
 #include "../plain_vector.hpp"
 #include "../precompiled.hpp"
@@ -21,28 +22,31 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Index = result of the search: the cameras that its two keypoints are of.
-template <class Descriptor, class Camera>
-struct look_up_cameras {
-  search_view<Descriptor, Camera> search;  ///< the matches
-  match_cameras* cameras;                  ///< one per result of the search
+namespace detail {
 
-  /// Looks up one result, if it is a match.
-  TURBOMAP_HD void operator()(int i) const {
-    if (search.match[i] == no_match) return;
-    const int query = search.queries[i % search.slot_count];
-    cameras[i] = {static_cast<std::uint8_t>(search.query().camera_of(query)),
-                  static_cast<std::uint8_t>(search.neighbour(i / search.slot_count).camera_of(search.match[i]))};
+/// A match, and the cameras that its two keypoints are of.
+template <class Distance>
+struct placed_match {
+  correspondence<Distance> match;
+  match_cameras cameras;
+};
+
+/// Index = result of a search.
+template <class Descriptor, class Camera>
+struct placed_match_found {
+  using entry = placed_match<typename Descriptor::distance_type>;
+
+  search_view<Descriptor, Camera> search;
+
+  TURBOMAP_HD bool operator()(int i, entry& e) const {
+    if (!match_found<Descriptor, Camera>{search}(i, e.match)) return false;
+    e.cameras = {static_cast<std::uint8_t>(search.query().camera_of(e.match.query)),
+                 static_cast<std::uint8_t>(search.neighbour(e.match.neighbour).camera_of(e.match.candidate))};
+    return true;
   }
 };
 
-/// Cameras of the keypoints of all matches.
-template <class Derived, class Descriptor, class Camera>
-void launch_look_up_cameras(const thrust::execution_policy<Derived>& policy,
-                            const search_view<Descriptor, Camera>& search, match_cameras* cameras) {
-  for_each_index(derived(policy), search.neighbour_count * search.slot_count,
-                 look_up_cameras<Descriptor, Camera>{search, cameras});
-}
+}  // namespace detail
 
 /// The tracks of one search, on the host. Make one and use it for every call: its memory is reused. Move-only.
 template <class Descriptor, class Camera, class Policy>
@@ -51,16 +55,18 @@ class match_tracks {
   using matches_type = correspondences<Descriptor, Camera, Policy>;              ///< the correspondences of a search
   using list_type = plain_vector<typename matches_type::plan_type::value_type>;  ///< matches on the host
 
-  /// No tracks. \param ctx  its resource gives the memory, and must outlive this
-  explicit match_tracks(const context<Policy>& ctx) : cameras_(ctx.resource()) {}
+  /// No tracks. \param ctx  its resources give the memory, and must outlive this
+  explicit match_tracks(const context<Policy>& ctx) : list_(ctx) {}
 
   /// See join_tracks().
   void join(context<Policy>& ctx, const matches_type& matches) {
     searched_ = matches.size();
-    matches.plan(ctx, plan_);
     const auto& search = matches.view();
     match_cameras_.clear();
-    if (!plan_.empty() && (search.query_cameras > 1 || search.neighbour_cameras > 1)) read_cameras(ctx, matches);
+    if (search.query_cameras > 1 || search.neighbour_cameras > 1)
+      read_with_cameras(ctx, matches);
+    else
+      matches.plan(ctx, plan_);
     join_(plan_, match_cameras_, search.own_neighbour, tracks_);
   }
 
@@ -72,26 +78,16 @@ class match_tracks {
   int searched() const { return searched_; }
 
  private:
-  void read_cameras(context<Policy>& ctx, const matches_type& matches) {
-    const auto& search = matches.view();
-    const auto count = static_cast<std::size_t>(matches.size());
-    cameras_.resize_discard(count);
-    launch_look_up_cameras(ctx.policy(), search, cameras_.data());
-    const match_cameras* all = ctx.on_host(cameras_.data(), count, host_cameras_);
-    ctx.synchronize();
-    // The plan is in the order of the results, so each match is found from the one before.
-    const auto& queries = matches.queries();
-    std::size_t slot = 0;
-    std::int32_t neighbour = -1;
-    for (const auto& m : plan_) {
-      if (m.neighbour != neighbour) neighbour = m.neighbour, slot = 0;
-      while (queries[slot] != m.query) ++slot;
-      match_cameras_.push_back(all[static_cast<std::size_t>(neighbour * search.slot_count) + slot]);
-    }
+  void read_with_cameras(context<Policy>& ctx, const matches_type& matches) {
+    list_.read(ctx, matches.size(), detail::placed_match_found<Descriptor, Camera>{matches.view()}, placed_);
+    plan_.clear();
+    for (const auto& m : placed_) plan_.push_back(m.match), match_cameras_.push_back(m.cameras);
   }
 
-  array<match_cameras, memory_of_t<Policy>> cameras_;  ///< [neighbour][slot]; written where there is a match
-  plain_vector<match_cameras> host_cameras_, match_cameras_;
+  using placed_match = detail::placed_match<typename Descriptor::distance_type>;
+  found_list<placed_match, Policy> list_;
+  plain_vector<placed_match> placed_;
+  plain_vector<match_cameras> match_cameras_;
   list_type plan_;
   int searched_ = 0;
   track_joiner join_;

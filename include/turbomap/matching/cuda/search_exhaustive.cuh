@@ -78,8 +78,8 @@ __device__ inline void search_of_warp(const search_view<Descriptor, Camera>& sea
       if (of_query.wins(best[q], ties)) best[q] = of_query;
     }
   };
-  const int end = search.candidate_offset[n + 1];
-  for (int k = search.candidate_offset[n]; k < end; k += warp_size) {
+  const int end = search.candidate_end[n];
+  for (int k = search.candidate_begin[n]; k < end; k += warp_size) {
     const bool real = k + lane < end;
     const std::int32_t c = search.candidates[real ? k + lane : end - 1];
     const Kept candidate = Kept::load(neighbour.descriptor_of(c));
@@ -155,7 +155,7 @@ __device__ inline void search_of_block(const search_view<Descriptor, Camera>& se
     }
     __syncwarp();
   };
-  const int begin = search.candidate_offset[n], end = search.candidate_offset[n + 1];
+  const int begin = search.candidate_begin[n], end = search.candidate_end[n];
   const int stride = static_cast<int>(blockDim.x) / warp_size * Tile::columns;
   const auto candidate_at = [&](int k) { return search.candidates[k + row < end ? k + row : end - 1]; };
   int k = begin + static_cast<int>(threadIdx.x) / warp_size * Tile::columns;

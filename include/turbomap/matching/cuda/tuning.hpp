@@ -17,6 +17,11 @@ struct search_exhaustive_tuning {
   static constexpr int blocks = 2;   ///< at once per multiprocessor, as the registers of geometry allow
 };
 
+/// launch_prepare_search: a block per neighbour, which has one to three thousand keypoints, and a thread per pair of cameras.
+struct prepare_search_tuning {
+  static constexpr int threads = 256;  ///< per block
+};
+
 /// launch_create_tracks: a warp per track. Tracks are about as many as warps that run at once on a large device.
 struct create_tracks_tuning {
   static constexpr int warps = 2;  ///< per block

@@ -1,0 +1,88 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// launch_list_found(): the entries of the indices that found something, one after the other in the order of the indices. Two
+/// kernels: each block counts its indices, then each knows from the counts before it where its entries go.
+
+#include <cstddef>
+#include <cstdint>
+
+#include "../array.hpp"
+#include "../config.hpp"
+#include "../found_list.hpp"
+#include "parallel.cuh"
+#include "tuning.hpp"
+#include "warp.cuh"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+
+template <class Found, class Entry>
+__global__ void __launch_bounds__(list_found_tuning::threads)
+    count_found_kernel(int count, Found found, std::int32_t* of_block) {
+  const int i = static_cast<int>(blockIdx.x) * list_found_tuning::threads + static_cast<int>(threadIdx.x);
+  Entry entry;
+  const int n = __syncthreads_count(i < count && found(i, entry));
+  if (threadIdx.x == 0) of_block[blockIdx.x] = n;
+}
+
+/// The sums of `mine` over the block and over the threads before this one.
+template <int Threads>
+__device__ inline void scan_block(int mine, int& before, int& all) {
+  __shared__ int of_warp[Threads / warp_size];
+  const int lane = static_cast<int>(threadIdx.x) % warp_size, warp = static_cast<int>(threadIdx.x) / warp_size;
+  int up_to = mine;
+#pragma unroll
+  for (int d = 1; d < warp_size; d *= 2) {
+    const int other = __shfl_up_sync(whole_warp, up_to, static_cast<unsigned>(d));
+    if (lane >= d) up_to += other;
+  }
+  if (lane == warp_size - 1) of_warp[warp] = up_to;
+  __syncthreads();
+  before = up_to - mine, all = 0;
+#pragma unroll
+  for (int w = 0; w < Threads / warp_size; ++w) before += w < warp ? of_warp[w] : 0, all += of_warp[w];
+  __syncthreads();
+}
+
+template <class Found, class Entry>
+__global__ void __launch_bounds__(list_found_tuning::threads)
+    list_found_kernel(int count, Found found, const std::int32_t* of_block, packed_list<Entry> list) {
+  constexpr int threads = list_found_tuning::threads;
+  const int block = static_cast<int>(blockIdx.x), thread = static_cast<int>(threadIdx.x);
+  int earlier = 0;
+  for (int b = thread; b < block; b += threads) earlier += of_block[b];
+  int before, begin;
+  scan_block<threads>(earlier, before, begin);
+  const int i = block * threads + thread;
+  Entry entry;
+  const bool has = i < count && found(i, entry);
+  int all;
+  scan_block<threads>(has ? 1 : 0, before, all);
+  if (has) list.entries()[begin + before] = entry;
+  if (thread == 0 && blockIdx.x + 1 == gridDim.x) *list.size() = begin + all;
+}
+
+}  // namespace detail
+
+/// \param room   of the list and of what it is made with; grows as needed, its content is discarded
+template <class Derived, class Found, class Entry = typename Found::entry>
+packed_list<Entry> launch_list_found(const thrust::cuda_cub::execution_policy<Derived>& policy, int count,
+                                     const Found& found, array<std::byte, device_memory>& room) {
+  constexpr int threads = list_found_tuning::threads;
+  const int blocks = (count - 1) / threads + 1;
+  const std::size_t list_bytes = align_up(packed_list<Entry>::header + static_cast<std::size_t>(count) * sizeof(Entry));
+  room.resize_discard(list_bytes + static_cast<std::size_t>(blocks) * sizeof(std::int32_t));
+  const packed_list<Entry> list{room.data()};
+  auto* const of_block = reinterpret_cast<std::int32_t*>(room.data() + list_bytes);
+  launch_kernel(policy, "launch of count_found", detail::count_found_kernel<Found, Entry>, blocks, threads, count,
+                found, of_block);
+  launch_kernel(policy, "launch of list_found", detail::list_found_kernel<Found, Entry>, blocks, threads, count, found,
+                static_cast<const std::int32_t*>(of_block), list);
+  return list;
+}
+
+TURBOMAP_END_NAMESPACE
