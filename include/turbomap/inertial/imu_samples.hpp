@@ -40,8 +40,8 @@ struct imu_bias {
 struct imu_interval {
   std::int64_t begin_ns = 0;  ///< time of the first frame
   std::int64_t end_ns = 0;    ///< time of the second frame
-  std::int32_t first = 0;     ///< sample that gives the value at the beginning
-  std::int32_t last = 0;      ///< sample that gives the value at the end
+  std::int32_t first = 0;     ///< first sample that is used
+  std::int32_t last = 0;      ///< last sample that is used
 };
 
 namespace plain_detail {

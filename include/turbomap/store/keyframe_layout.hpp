@@ -24,7 +24,7 @@ struct keyframe_layout {
 
   int keypoint_count = 0;    ///< keypoints
   int camera_count = 0;      ///< cameras of the rig
-  int group_count = 0;       ///< groups of descriptors that have a keypoint
+  int group_count = 0;       ///< visual-word groups that have a keypoint
   int grouped_count = 0;     ///< keypoints that have a group
   int columns = 0;           ///< cells of the grid in x, per camera; 0: no grid
   int rows = 0;              ///< cells in y
