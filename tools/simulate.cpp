@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <exception>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -15,6 +16,7 @@
 #include <turbomap/io/recording_writer.hpp>
 
 #include "fail.hpp"
+#include "progress.hpp"
 #include "simulation/calibration_file.hpp"
 #include "simulation/keyframe_rules.hpp"
 #include "simulation/simulate.hpp"
@@ -54,7 +56,12 @@ void run(const arguments& args, int features) {
   options.imu_initialised = !args.uninitialised;
   if (args.trajectory == "corridor") options.scene.ahead = 60;  // or the last keyframes would see its end
   const auto poses = sim::trajectory(args.trajectory, args.options.motion, rig.cameras[0].T_bc);
-  const turbomap::recording r = sim::simulate(poses, rig, options);
+  std::optional<turbomap_program::progress> bar;
+  const turbomap::recording r = sim::simulate(poses, rig, options, [&bar](std::size_t steps) {
+    if (!bar) bar.emplace("simulate", steps);
+    bar->advance();
+  });
+  bar.reset();
   turbomap::write_recording(args.out, r);
   const auto mapped =
       static_cast<double>(r.assoc_kp.size()) / static_cast<double>(std::max<std::size_t>(1, r.kp_xy.size()));

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <utility>
 #include <vector>
 
@@ -139,8 +140,9 @@ inline recorded_world make_world(const simulated_rig& rig, const simulation_opti
 
 /// Makes a recording along `poses` (body in world). Throws std::invalid_argument when they are too few or too short in
 /// time. The recording's world is the first keyframe's camera frame, or with an initialised IMU the poses' own.
+/// \param step  step(count): one of `count` steps, two per keyframe, is done
 inline recording simulate(const std::vector<stamped_pose>& poses, const simulated_rig& rig,
-                          const simulation_options& options) {
+                          const simulation_options& options, const std::function<void(std::size_t)>& step = {}) {
   const motion_spline motion(poses, options.motion.knot_seconds);
   const planned_motion plan = plan_motion(motion, options.motion, rig.baseline == 0);
   std::vector<Eigen::Vector3d> path;
@@ -156,7 +158,10 @@ inline recording simulate(const std::vector<stamped_pose>& poses, const simulate
   const auto points = make_points(place, rig, descriptors, T_wb, options);
   const observer see(rig, place, points, descriptors, options.observation, options.seed);
   std::vector<keyframe_observation> seen;
-  for (std::size_t i = 0; i < T_wb.size(); ++i) seen.push_back(see.observe(i, T_wb[i]));
+  for (std::size_t i = 0; i < T_wb.size(); ++i) {
+    seen.push_back(see.observe(i, T_wb[i]));
+    if (step) step(2 * T_wb.size());
+  }
 
   const Eigen::Isometry3d T_bc = rig.cameras[0].T_bc;
   const recorded_world world = make_world(rig, options, T_wb[0] * T_bc);
@@ -192,6 +197,7 @@ inline recording simulate(const std::vector<stamped_pose>& poses, const simulate
     record.add(k);
     record.data().sim_T_cw_true.push_back(world.pose((T_rw * T_wb[i] * T_bc).inverse()));
     record.data().sim_point_id.insert(record.data().sim_point_id.end(), seen[i].point.begin(), seen[i].point.end());
+    if (step) step(2 * T_wb.size());
   }
   for (const auto& of_keyframe : tracking.point_of())
     record.data().sim_track_id.insert(record.data().sim_track_id.end(), of_keyframe.begin(), of_keyframe.end());
