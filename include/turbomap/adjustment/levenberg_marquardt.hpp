@@ -42,7 +42,7 @@ class levenberg_marquardt {
   static constexpr int V = Data::landmark_dof, D = Data::dof;
 
  public:
-  /// \param ctx, data  must outlive this; `data` holds the start, and the result afterwards   \param options  checked by the caller
+  /// \param ctx,data  must outlive this; `data` holds the start, and the result afterwards   \param options  checked by the caller
   levenberg_marquardt(context<Policy>& ctx, Data& data, const adjustment_options& options)
       : ctx_(ctx), data_(data), options_(options), start_(clock::now()), equations_(begin(ctx), data) {
     gains_ = ctx.template scratch<double>(gain_count());

@@ -87,7 +87,7 @@ inline int landmark_gain_count(int landmarks) {
 }
 
 /// \param step       of the free frames, D each
-/// \param from, to   positions before and after
+/// \param from,to   positions before and after
 /// \param predicted  [landmark_gain_count] parts of the decrease that the model promises
 template <int V, int D, class Derived, class A>
 void launch_substitute_landmarks(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s,

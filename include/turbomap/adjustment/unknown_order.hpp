@@ -14,7 +14,7 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Places of unknowns; see above. \tparam V, D  the first V of a frame's D unknowns come last
+/// Places of unknowns; see above. \tparam V,D  the first V of a frame's D unknowns come last
 template <int V, int D>
 struct unknown_order {
   int frames;  ///< free frames

@@ -20,7 +20,7 @@ namespace turbomap {
 /// with the disparity. Octave 0 stays as it is.
 /// For keypoints of an extractor that resizes the image for each level and multiplies by s^o, as ORB of OpenCV and of systems
 /// that follow [ORB-SLAM]; before lens distortion is removed, as it is in pixels of the image that was resized.
-/// \param width, height  of the full image, px   \param scale_factor  s, from a level to the next
+/// \param width,height  of the full image, px   \param scale_factor  s, from a level to the next
 /// \throws std::invalid_argument  a size or scale factor that is not positive, or a level of less than a pixel
 inline keypoint in_full_image(keypoint k, int width, int height, float scale_factor) {
   require(width > 0, "width", width, "must be positive");

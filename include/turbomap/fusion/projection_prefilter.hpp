@@ -75,7 +75,7 @@ struct hopeful_scan {
 template <class Descriptor, class Camera>
 class projection_prefilter {
  public:
-  /// \param search, camera  must outlive this
+  /// \param search,camera  must outlive this
   TURBOMAP_HD projection_prefilter(const projection_view<Descriptor, Camera>& search, const projection_camera& camera)
       : search_(search),
         view_(search.keyframes[camera.of.target]),

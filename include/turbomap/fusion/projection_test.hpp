@@ -34,7 +34,7 @@ class projection_scan {
  public:
   using distance_type = typename Descriptor::distance_type;  ///< of descriptors
 
-  /// \param search, camera, predicted  must outlive this   \param point  index into the points of the call
+  /// \param search,camera,predicted  must outlive this   \param point  index into the points of the call
   TURBOMAP_HD projection_scan(const projection_view<Descriptor, Camera>& search, const projection_camera& camera,
                               const predicted_keypoint& predicted, int point)
       : search_(search),

@@ -33,7 +33,7 @@ class velocity_chain {
  public:
   static constexpr int shared = shared_unknowns::count, rows = 3 + shared;
 
-  /// \param information, gradient  of what is known of each shared unknown beforehand   \param held  unknowns that do not move
+  /// \param information,gradient  of what is known of each shared unknown beforehand   \param held  unknowns that do not move
   void begin(const double (&information)[shared], const double (&gradient)[shared], const bool (&held)[shared]) {
     eliminated_.clear();
     for (double& x : A_) x = 0;

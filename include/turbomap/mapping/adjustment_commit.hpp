@@ -77,7 +77,7 @@ class adjustment_commit {
   plain_vector<double> chi2, depth;            ///< by row, at the end
   /// @}
 
-  /// \param window, measurements  those of the stage; must outlive this
+  /// \param window,measurements  those of the stage; must outlive this
   explicit adjustment_commit(const adjustment_window<Map>& window, const window_measurements<Map, Policy>& measurements)
       : window_(window), measurements_(measurements) {}
 

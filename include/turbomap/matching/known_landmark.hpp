@@ -22,8 +22,8 @@ struct known_landmark {
   const track_creation_view<Descriptor, Camera>& tracks;  ///< tracks, and the map points that keyframes see
 
   /// Whether options.known_views keypoints beside the track's views see one point of the map.
-  /// \param begin, end     the views of the track
-  /// \param first, stride  begins at every stride-th of them only: several workers share them
+  /// \param begin,end     the views of the track
+  /// \param first,stride  begins at every stride-th of them only: several workers share them
   TURBOMAP_HD bool operator()(int begin, int end, int first, int stride) const {
     const int wanted = tracks.options.known_views;
     if (tracks.map_points == nullptr || wanted <= 0) return false;
