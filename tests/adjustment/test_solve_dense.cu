@@ -57,15 +57,20 @@ struct random_equations {
     solver.solve(L.data(), n, x.data());
     return true;
   }
-  bool on_device(std::vector<double>& x) const {
+  /// \param frames  of 15 unknowns, of which landmarks see 6; 0: in the order that the matrix has
+  bool on_device(std::vector<double>& x, int frames = 0) const {
     const stream on;
     turbomap::context<stream_policy> ctx{on.policy()};
     double* matrix = ctx.scratch<double>(S.size());
     double* side = ctx.scratch<double>(b.size() + 1);
     turbomap::copy_in(ctx.policy(), matrix, S.data(), S.size() * sizeof(double));
     turbomap::copy_in(ctx.policy(), side, b.data(), b.size() * sizeof(double));
-    REQUIRE(turbomap::launch_solve_dense(
-        ctx.policy(), {matrix, side, side + b.size(), n, stride, turbomap::default_pivot_tolerance}));
+    turbomap::dense_equations equations{matrix, side, side + b.size(), n, stride, turbomap::default_pivot_tolerance};
+    if (frames > 0) {
+      equations.ordered = ctx.scratch<double>(turbomap::dense_equations::ordered_room(stride));
+      equations.frames = frames, equations.seen = 6;
+    }
+    REQUIRE(turbomap::launch_solve_dense(ctx.policy(), equations));
     x.resize(b.size() + 1);
     turbomap::copy_out(ctx.policy(), x.data(), side, x.size() * sizeof(double));
     ctx.synchronize();
@@ -88,6 +93,64 @@ TEST_CASE("systems of any size have the solution of the host") {
     CHECK(largest < 1e-10);
     CHECK(p.on_device(again));
     CHECK(same_bits(again, device));
+  }
+}
+
+/// Equations of frames of 15 unknowns: all poses depend on each other, velocities and biases on the neighbours' alone.
+random_equations inertial_equations(int frames, bool neighbours) {
+  random_equations p(15 * frames);
+  std::fill(p.S.begin(), p.S.end(), 0.0);
+  std::mt19937 random(static_cast<unsigned>(frames));
+  std::normal_distribution<double> normal;
+  const auto add = [&](const std::vector<int>& unknowns) {
+    std::vector<double> row(unknowns.size());
+    for (double& x : row) x = normal(random);
+    for (std::size_t a = 0; a < row.size(); ++a)
+      for (std::size_t c = 0; c < row.size(); ++c)
+        if (unknowns[a] >= unknowns[c]) p.S[p.at(unknowns[c] * p.stride + unknowns[a])] += row[a] * row[c];
+  };
+  std::vector<int> poses;
+  for (int u = 0; u < p.n; ++u) {
+    p.S[p.at(u * p.stride + u)] = 1;
+    if (u % 15 < 6) poses.push_back(u);
+  }
+  for (int k = 0; k < p.n; ++k) add(poses);
+  for (int f = 0; f + 1 < frames && neighbours; ++f)
+    for (int k = 0; k < 15; ++k) {
+      std::vector<int> both;
+      for (int u = 15 * f; u < 15 * (f + 2); ++u) both.push_back(u);
+      add(both);
+    }
+  return p;
+}
+
+TEST_CASE("frames with an IMU are put in order, and have the solution of the host") {
+  for (const int frames : {1, 2, 3, 5, 8, 14, 15, 20, 25})
+    for (const bool neighbours : {false, true}) {
+      CAPTURE(frames);
+      CAPTURE(neighbours);
+      const random_equations p = inertial_equations(frames, neighbours);
+      std::vector<double> host, device, again, plain;
+      REQUIRE(p.on_host(host));
+      REQUIRE(p.on_device(device, frames));
+      REQUIRE(p.on_device(plain));
+      double largest = 0, apart = 0;
+      for (int i = 0; i < p.n; ++i) {
+        const double size = std::max(1e-3, std::abs(host[p.at(i)]));
+        largest = std::max(largest, std::abs(device[p.at(i)] - host[p.at(i)]) / size);
+        apart = std::max(apart, std::abs(plain[p.at(i)] - host[p.at(i)]) / size);
+      }
+      CHECK(largest < 1e-10);
+      CHECK(apart < 1e-10);  // zero tiles in the order that the matrix has
+      CHECK(p.on_device(again, frames));
+      CHECK(same_bits(again, device));
+    }
+  random_equations p = inertial_equations(25, true);
+  for (const int bad : {0, 7, 374}) {
+    CAPTURE(bad);
+    p.S[p.at(bad * p.stride + bad)] = std::nan("");
+    std::vector<double> x;
+    CHECK_FALSE(p.on_device(x, 25));
   }
 }
 

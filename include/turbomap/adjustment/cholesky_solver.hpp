@@ -7,6 +7,7 @@
 /// factorises it where it can (solve_dense.hpp), else the host; block by block (long trajectories) the host does.
 
 #include <cstddef>
+#include <type_traits>
 
 #include "../array.hpp"
 #include "../config.hpp"
@@ -150,6 +151,8 @@ class cholesky_solver {
     const std::size_t free = static_cast<std::size_t>(s.free_frames) * D;
     matrix_ = ctx.template scratch<double>(system_.size());
     x_ = ctx.template scratch<double>(system_.unknowns() + 1);  // and whether it was solved
+    if constexpr (System::fills_gaps && (D > V) && !std::is_same_v<memory_of_t<Policy>, host_memory>)
+      ordered_ = ctx.template scratch<double>(dense_equations::ordered_room(static_cast<int>(unknowns())));
     fill_bytes(ctx.policy(), x_ + free, 0, (system_.unknowns() - free) * sizeof(double));
   }
 
@@ -159,9 +162,9 @@ class cholesky_solver {
     form(ctx, damping);
     if constexpr (System::fills_gaps) {
       const int n = s_.free_frames * D, stride = static_cast<int>(unknowns());
-      if (launch_solve_dense(ctx.policy(), {matrix_, x_, x_ + unknowns(), n, stride, default_pivot_tolerance})) {
-        return {true, 0, x_, nullptr, x_ + unknowns()};
-      }
+      const dense_equations equations{matrix_,        x_, x_ + unknowns(), n, stride, default_pivot_tolerance, ordered_,
+                                      s_.free_frames, V};
+      if (launch_solve_dense(ctx.policy(), equations)) return {true, 0, x_, nullptr, x_ + unknowns()};
     }
     if (!system_.factorise(on_host(ctx, matrix_, system_.size(), workspace_.matrix), default_pivot_tolerance))
       return {};
@@ -186,6 +189,7 @@ class cholesky_solver {
   System system_;
   double* matrix_;
   double* x_;
+  double* ordered_ = nullptr;  ///< of a device
 };
 
 TURBOMAP_END_NAMESPACE

@@ -43,27 +43,38 @@ struct linearise_frame_factors {
   double* square;                                        ///< of all groups
 
   /// Factor i.
+  static constexpr int sides = Pair ? 2 : 1;
+
+  /// Residuals of factor i and their derivatives by each frame. False: not defined.
+  TURBOMAP_HD bool derivatives(int i, double* e, double (*d)[size * D]) const {
+    if constexpr (Pair)
+      return linearise<Frame>(group.factor, states[group.first[i]], states[group.second[i]], group.rows[i], e, d[0],
+                              d[1]);
+    else
+      return linearise<Frame>(group.factor, states[group.first[i]], group.rows[i], e, d[0]);
+  }
+  /// Where the sums of a side of factor i are.
+  TURBOMAP_HD double* partial_of(int i, int side) const {
+    return partial + static_cast<std::ptrdiff_t>(group.place.first_factor_partial + sides * i + side) * block::partial;
+  }
+  TURBOMAP_HD double* square_of(int i) const {
+    return square + static_cast<std::ptrdiff_t>(group.place.first_square + i) * block::square;
+  }
+
   TURBOMAP_HD void operator()(int i) const {
     double e[size], d[2][size * D], rho, w = 0;
-    bool defined;
-    constexpr int sides = Pair ? 2 : 1;
-    if constexpr (Pair)
-      defined =
-          linearise<Frame>(group.factor, states[group.first[i]], states[group.second[i]], group.rows[i], e, d[0], d[1]);
-    else
-      defined = linearise<Frame>(group.factor, states[group.first[i]], group.rows[i], e, d[0]);
+    const bool defined = derivatives(i, e, d);
     const double chi2 = defined ? detail::squared_length<size>(e) : 0;
     bool use = defined && detail::is_finite(chi2);
     for (int side = 0; side < sides; ++side) use = use && detail::all_finite(d[side], size * D);
     if (use) group.kernel(chi2, rho, w);
     for (int side = 0; side < sides; ++side) {
-      double* out =
-          partial + static_cast<std::ptrdiff_t>(group.place.first_factor_partial + sides * i + side) * block::partial;
+      double* out = partial_of(i, side);
       for (int k = 0; k < block::partial; ++k) out[k] = 0;
       if (use) detail::add_normal_equations<size>(d[side], e, w, D, out, out + block::triangle);
     }
     if constexpr (Pair) {
-      double* out = square + static_cast<std::ptrdiff_t>(group.place.first_square + i) * block::square;
+      double* out = square_of(i);
       for (int a = 0; a < D; ++a)
         for (int b = 0; b < D; ++b) {
           double x = 0;
@@ -115,3 +126,7 @@ void launch_evaluate_frame_factors(const thrust::execution_policy<Derived>& poli
 }
 
 TURBOMAP_END_NAMESPACE
+
+#if TURBOMAP_HAS_CUDA
+#include "cuda/linearise_frame_factors.cuh"
+#endif

@@ -5,6 +5,8 @@
 /// \file
 /// Where a full reduced system is solved: on the host (dense_cholesky.hpp), unless the policy has a solver of its own.
 
+#include <cstddef>
+
 #include "../config.hpp"
 #include "../context.hpp"
 
@@ -18,6 +20,16 @@ struct dense_equations {
   int n;             ///< unknowns
   int stride;        ///< a multiple of 8; so many columns have room
   double tolerance;  ///< see dense_cholesky::factorise
+  /// Of frames with more unknowns than landmarks see: room for the matrix in an unknown_order, ordered_room(stride) numbers.
+  /// Null: solved in the order that it has.
+  double* ordered = nullptr;
+  int frames = 0;  ///< with `ordered`: how many, n / frames unknowns each
+  int seen = 0;    ///< with `ordered`: the first unknowns of each, those that landmarks see
+
+  static constexpr int most_tiles = 32;  ///< in a row of the matrix: bits of a word
+  static std::size_t ordered_room(int stride) {
+    return static_cast<std::size_t>(stride) * static_cast<std::size_t>(stride) + most_tiles * most_tiles / 2;
+  }
 };
 
 /// Solves S x = b where the policy computes. False: it leaves that to the host, and nothing was launched.

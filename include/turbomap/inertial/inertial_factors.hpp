@@ -48,13 +48,14 @@ struct inertial_factor {
     inertial_jacobian J;
     linearise_inertial_residual(r.motion, T_bc, i, j, gravity, raw, J);
     for (int k = 0; k < 9; ++k) {
-      e[k] = 0;
-      for (int c = 0; c < 15; ++c) d_i[15 * k + c] = d_j[15 * k + c] = 0;
+      double sum = 0, by_i[15] = {}, by_j[15] = {};  // a device keeps them in registers
       for (int m = 0; m <= k; ++m) {
         const double w = r.whitening[9 * k + m];
-        e[k] += w * raw[m];
-        for (int c = 0; c < 15; ++c) d_i[15 * k + c] += w * J.i[15 * m + c], d_j[15 * k + c] += w * J.j[15 * m + c];
+        sum += w * raw[m];
+        for (int c = 0; c < 15; ++c) by_i[c] += w * J.i[15 * m + c], by_j[c] += w * J.j[15 * m + c];
       }
+      e[k] = sum;
+      for (int c = 0; c < 15; ++c) d_i[15 * k + c] = by_i[c], d_j[15 * k + c] = by_j[c];
     }
     return true;
   }

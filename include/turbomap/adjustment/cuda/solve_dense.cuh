@@ -7,6 +7,7 @@
 /// of the matrix goes to the host. It works on tiles of 16 by 16, right-looking: one warp factorises the tile on the diagonal
 /// and inverts the factor; the tiles below are multiplied by the inverse, and their products are subtracted from what is left.
 /// One step waits for the next one's tile on the diagonal only, so the first warp factorises that while the others subtract.
+/// Frames with an IMU are put into an unknown_order first. Two thirds of the tiles are 0 then and stay so; they are left out.
 
 #include <cstddef>
 
@@ -148,35 +149,95 @@ __device__ inline void subtract_product(const Tile& tile, const double* x, doubl
   __syncwarp();
 }
 
-/// What is left of the matrix and of the right hand side after the columns of tile p: all tasks but the first, which is the
-/// next tile on the diagonal. \param worker  of `workers`, a warp each
+/// The tiles below the diagonal that are not 0, or do not stay so.
+struct tile_lists {
+  static constexpr int most = dense_equations::most_tiles;
+  unsigned below[most];           ///< by column of tiles: a bit per row
+  unsigned char row[most][most];  ///< the same rows, ascending
+
+  __device__ int count(int column) const { return __popc(below[column]); }
+  __device__ bool has(int row, int column) const { return (below[column] >> row & 1) != 0; }
+};
+
+/// One warp: what is not 0 at first, and what products of such tiles are subtracted from.
+/// \param filled  [column of tiles][row of tiles] not 0: the tile is not; null: all are not
+__device__ inline void list_tiles(const int* filled, int count, tile_lists& lists) {
+  constexpr int most = tile_lists::most;
+  const int lane = static_cast<int>(threadIdx.x) % warp_size;
+  unsigned mine = 0;
+  for (int i = lane + 1; i < count; ++i) mine |= filled == nullptr || filled[lane * most + i] != 0 ? 1U << i : 0;
+  for (int p = 0; p < count; ++p) {
+    const unsigned rows = __shfl_sync(whole_warp, mine, p);
+    if (lane > p && (rows >> lane & 1) != 0) mine |= rows & ~((2U << lane) - 1);
+  }
+  lists.below[lane] = mine;
+  for (int k = 0; mine != 0; ++k, mine &= mine - 1) lists.row[lane][k] = static_cast<unsigned char>(__ffs(mine) - 1);
+  __syncwarp();
+}
+
+/// Where unknown `at` of an unknown_order is among the unknowns frame by frame.
+__device__ inline int unordered(const dense_equations& s, int at) {
+  if (s.ordered == nullptr) return at;
+  const int D = s.n / s.frames, others = D - s.seen, first = s.frames * others;
+  return at < first ? at / others * D + s.seen + at % others : (at - first) / s.seen * D + (at - first) % s.seen;
+}
+
+/// What is left of the matrix and of the right hand side after the columns of tile p. \param rows  the tiles below it
+/// \param skip  1: all tasks but the first, the next tile on the diagonal   \param worker  of `workers`, a warp each
 template <class Tiles>
-__device__ inline void subtract_columns(const Tiles& tiles, int p, int count, double* y, int worker, int workers) {
-  const int first = p + 1, rows = count - first;
-  for (int i = 0, j = 1 + worker;; j += workers) {  // row i: i + 1 tiles, then its part of the right hand side
+__device__ inline void subtract_columns(const Tiles& tiles, int p, const unsigned char* rows, int count, int skip,
+                                        double* y, int worker, int workers) {
+  for (int i = 0, j = skip + worker;; j += workers) {  // row i: i + 1 tiles, then its part of the right hand side
     while (j > i + 1) j -= i + 2, ++i;
-    if (i >= rows) return;
+    if (i >= count) return;
+    const int row = rows[i];
     if (j > i)
-      subtract_product<false>(tiles.tile(first + i, p), y + p * tile_width, y + (first + i) * tile_width);
+      subtract_product<false>(tiles.tile(row, p), y + p * tile_width, y + row * tile_width);
     else
-      subtract_tiles(tiles.tile(first + i, first + j), tiles.tile(first + i, p), tiles.tile(first + j, p));
+      subtract_tiles(tiles.tile(row, rows[j]), tiles.tile(row, p), tiles.tile(rows[j], p));
   }
 }
 
 }  // namespace detail
+
+/// A block per tile of the lower triangle: s.S into s.ordered in an unknown_order, and behind it whether the tile is not 0.
+template <int Threads>
+__global__ void __launch_bounds__(Threads) order_unknowns_kernel(dense_equations s) {
+  constexpr int width = detail::tile_width;
+  static_assert(Threads == width * width);
+  int i = 0, j = static_cast<int>(blockIdx.x);
+  while (j > i) j -= i + 1, ++i;
+  const int row = i * width + static_cast<int>(threadIdx.x) % width;
+  const int column = j * width + static_cast<int>(threadIdx.x) / width;
+  double x = 0;
+  if (row < s.n && column <= row) {
+    const int a = detail::unordered(s, row), b = detail::unordered(s, column);
+    x = s.S[static_cast<std::ptrdiff_t>(a < b ? a : b) * s.stride + (a < b ? b : a)];
+    s.ordered[static_cast<std::ptrdiff_t>(column) * s.stride + row] = x;
+  }
+  const int filled = __syncthreads_or(x != 0);
+  int* const all = reinterpret_cast<int*>(s.ordered + static_cast<std::ptrdiff_t>(s.stride) * s.stride);
+  if (threadIdx.x == 0) all[j * dense_equations::most_tiles + i] = filled;
+}
 
 template <class Tuning, class Tiles>
 __global__ void __launch_bounds__(Tuning::threads) solve_dense_kernel(dense_equations s) {
   constexpr int width = detail::tile_width, warps = Tuning::threads / warp_size;
   extern __shared__ double solve_dense_memory[];
   __shared__ int good;
+  __shared__ detail::tile_lists lists;
+  const int* filled = nullptr;
+  if (s.ordered != nullptr) {
+    s.S = s.ordered;
+    filled = reinterpret_cast<const int*>(s.ordered + static_cast<std::ptrdiff_t>(s.stride) * s.stride);
+  }
   const int thread = static_cast<int>(threadIdx.x), warp = thread / warp_size;
   const int count = (s.n + width - 1) / width, padded = count * width;
   double* const y = solve_dense_memory;
   double* const diagonal = y + padded;
   const Tiles tiles(s, diagonal + padded);
   for (int i = thread; i < padded; i += Tuning::threads) {
-    y[i] = i < s.n ? s.x[i] : 0;
+    y[i] = i < s.n ? s.x[detail::unordered(s, i)] : 0;
     diagonal[i] = i < s.n ? s.S[static_cast<std::ptrdiff_t>(i) * s.stride + i] : 1;
   }
   const auto factorise = [&](int p) {
@@ -189,6 +250,7 @@ __global__ void __launch_bounds__(Tuning::threads) solve_dense_kernel(dense_equa
     factorise(0);
   } else {
     tiles.load(s, warp, warps - 1);
+    if (warp == 1) detail::list_tiles(filled, count, lists);
   }
   __syncthreads();
   for (int p = 0; p < count; ++p) {
@@ -196,14 +258,16 @@ __global__ void __launch_bounds__(Tuning::threads) solve_dense_kernel(dense_equa
       if (thread == 0) *s.solved = 0;
       return;
     }
-    for (int i = p + 1 + warp; i < count; i += warps) detail::divide_tile(tiles.tile(i, p), tiles.tile(p, p));
+    const unsigned char* const rows = lists.row[p];
+    const int below = lists.count(p), next = lists.has(p + 1, p) ? 1 : 0;  // whether the next diagonal waits for p
+    for (int k = warp; k < below; k += warps) detail::divide_tile(tiles.tile(rows[k], p), tiles.tile(p, p));
     if (warp == warps - 1) detail::replace_by_product<false>(tiles.tile(p, p), y + p * width);
     __syncthreads();
     // Warps 4, 8, ... would share the arithmetic of the first one, for which all wait.
     if (warp % 4 != 0)
-      detail::subtract_columns(tiles, p, count, y, warp - warp / 4 - 1, warps - warps / 4);
+      detail::subtract_columns(tiles, p, rows, below, next, y, warp - warp / 4 - 1, warps - warps / 4);
     else if (warp == 0 && p + 1 < count) {
-      detail::subtract_tiles(tiles.tile(p + 1, p + 1), tiles.tile(p + 1, p), tiles.tile(p + 1, p));
+      if (next == 1) detail::subtract_tiles(tiles.tile(p + 1, p + 1), tiles.tile(p + 1, p), tiles.tile(p + 1, p));
       factorise(p + 1);
     }
     __syncthreads();
@@ -213,12 +277,12 @@ __global__ void __launch_bounds__(Tuning::threads) solve_dense_kernel(dense_equa
   __syncthreads();
   for (int p = count - 1; p > 0; --p) {
     for (int q = p - 1 - warp; q >= 0; q -= warps) {
-      detail::subtract_product<true>(tiles.tile(p, q), y + p * width, y + q * width);
+      if (lists.has(p, q)) detail::subtract_product<true>(tiles.tile(p, q), y + p * width, y + q * width);
       if (q == p - 1) detail::replace_by_product<true>(tiles.tile(q, q), y + q * width);
     }
     __syncthreads();
   }
-  for (int i = thread; i < s.n; i += Tuning::threads) s.x[i] = y[i];
+  for (int i = thread; i < s.n; i += Tuning::threads) s.x[detail::unordered(s, i)] = y[i];
   if (thread == 0) *s.solved = 1;
 }
 
@@ -227,7 +291,7 @@ namespace detail {
 /// False: the device has too little shared memory, and nothing was launched.
 template <class Tiles, class Derived>
 bool launch_solve_in(const thrust::cuda_cub::execution_policy<Derived>& policy, const dense_equations& s) {
-  constexpr int of_kernel = 64;  // bytes of shared memory that are not dynamic
+  constexpr int of_kernel = 64 + sizeof(tile_lists);  // bytes of shared memory that are not dynamic
   int device = 0, most = 0;
   check_cuda(cudaGetDevice(&device), "current device");
   check_cuda(cudaDeviceGetAttribute(&most, cudaDevAttrMaxSharedMemoryPerBlockOptin, device),
@@ -247,7 +311,14 @@ bool launch_solve_in(const thrust::cuda_cub::execution_policy<Derived>& policy, 
 
 template <class Derived>
 bool launch_solve_dense(const thrust::cuda_cub::execution_policy<Derived>& policy, const dense_equations& s) {
+  static_assert(solve_dense_tuning::unknowns < dense_equations::most_tiles * detail::tile_width);
   if (s.n <= 0 || s.n > solve_dense_tuning::unknowns) return false;
+  if (s.ordered != nullptr) {
+    constexpr int threads = detail::tile_width * detail::tile_width;
+    const int tiles = detail::shared_tiles::count(s.n);
+    launch_kernel(policy, "launch of order_unknowns", order_unknowns_kernel<threads>, tiles * (tiles + 1) / 2, threads,
+                  s);
+  }
   return detail::launch_solve_in<detail::shared_tiles>(policy, s) ||
          detail::launch_solve_in<detail::resident_tiles>(policy, s);
 }

@@ -82,6 +82,11 @@ struct sum_step_tuning {
   static constexpr int threads = 1024;  ///< per block
 };
 
+/// launch_linearise_frame_factors: a block per factor; between two frames of 15 unknowns there are 495 products to sum.
+struct frame_factor_tuning {
+  static constexpr int threads = 256;  ///< per block
+};
+
 /// launch_solve_dense: a block of 16 warps, a warp per tile. Systems of up to `unknowns` (25 frames of 15, 64 of 6); larger ones
 /// the host solves. The tiles fit the shared memory of a block for up to 224 unknowns where it has 227 KiB, 192 where it has 163,
 /// 144 where it has 99, 112 where it has 64; those of larger systems stay where they are.
