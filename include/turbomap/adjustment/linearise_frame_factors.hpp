@@ -42,8 +42,7 @@ struct linearise_frame_factors {
   double* partial;                                       ///< of all groups
   double* square;                                        ///< of all groups
 
-  /// Factor i.
-  static constexpr int sides = Pair ? 2 : 1;
+  static constexpr int sides = Pair ? 2 : 1;  ///< frames of a factor
 
   /// Residuals of factor i and their derivatives by each frame. False: not defined.
   TURBOMAP_HD bool derivatives(int i, double* e, double (*d)[size * D]) const {
@@ -57,10 +56,12 @@ struct linearise_frame_factors {
   TURBOMAP_HD double* partial_of(int i, int side) const {
     return partial + static_cast<std::ptrdiff_t>(group.place.first_factor_partial + sides * i + side) * block::partial;
   }
+  /// Where the sum of a pair of frames of factor i is.
   TURBOMAP_HD double* square_of(int i) const {
     return square + static_cast<std::ptrdiff_t>(group.place.first_square + i) * block::square;
   }
 
+  /// Factor i.
   TURBOMAP_HD void operator()(int i) const {
     double e[size], d[2][size * D], rho, w = 0;
     const bool defined = derivatives(i, e, d);

@@ -27,6 +27,7 @@ struct dense_equations {
   int seen = 0;    ///< with `ordered`: the first unknowns of each, those that landmarks see
 
   static constexpr int most_tiles = 32;  ///< in a row of the matrix: bits of a word
+  /// Numbers that `ordered` has room for: the matrix, and which of its tiles are not zero.
   static std::size_t ordered_room(int stride) {
     return static_cast<std::size_t>(stride) * static_cast<std::size_t>(stride) + most_tiles * most_tiles / 2;
   }
