@@ -13,6 +13,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <random>
+#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -25,6 +26,7 @@ namespace turbomap_test {
 /// A flat_map whose traits say that the keyframe before the first is another.
 struct circular_map : flat_map {
   turbomap::map_keyframe_id before_first;
+  mutable int steps_left = 100;  ///< through the circle: who goes on for ever is stopped
 };
 
 }  // namespace turbomap_test
@@ -33,6 +35,7 @@ template <>
 struct turbomap::map_traits<turbomap_test::circular_map> : turbomap::map_traits<turbomap_test::flat_map> {
   static keyframe previous(const turbomap_test::circular_map& m, keyframe k) {
     const auto before = turbomap::map_traits<turbomap_test::flat_map>::previous(m, k);
+    if (--m.steps_left < 0) throw std::logic_error("round and round");
     return before == keyframe{} ? m.before_first : before;
   }
 };

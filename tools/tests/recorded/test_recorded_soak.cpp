@@ -274,13 +274,12 @@ void run(const turbomap::recording& recording, const std::string& name, double s
   MESSAGE(name << ": " << n << " keyframes, " << static_cast<double>(pass) * duration / 3600 << " hours recorded, "
                << medians.front() << " to " << medians.back() << " ms, " << memory.front() << " to " << memory.back()
                << " MB, " << c.keyframes() << " keyframes left");
-  if (medians.size() < 20) return;
-  // The first tenth makes the map; from then on it is known.
-  const auto share = static_cast<std::ptrdiff_t>(medians.size() / 10);
-  const double early = median({medians.begin() + share, medians.begin() + 2 * share});
-  const double late = median({medians.end() - share, medians.end()});
-  CHECK(late < 1.5 * early);
-  CHECK(memory.back() < 1.1 * memory[static_cast<std::size_t>(share)] + 20);
+  // In the first passes the map comes to hold each place as often as culling lets it.
+  constexpr std::size_t settled = 6;
+  if (medians.size() < 2 * settled) return;
+  const auto early = medians.begin() + settled;
+  CHECK(median({medians.end() - 3, medians.end()}) < 1.3 * median({early, early + 3}));
+  CHECK(memory.back() < 1.1 * memory[settled]);
 }
 
 }  // namespace
