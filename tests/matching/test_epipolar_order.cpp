@@ -42,8 +42,9 @@ TEST_CASE("the angle of a plane is right to 1e-4, its width is never too small")
   }
 }
 
-TEST_CASE("windows hold every candidate whose interval meets that of the query") {
+TEST_CASE("windows and lists hold every candidate whose interval meets that of the query") {
   std::mt19937 random(2);
+  long listed = 0, in_windows = 0;
   for (int round = 0; round < 1000; ++round) {
     const int n = 1 + static_cast<int>(random() % 200);
     const double widest = between(random, -3, 0.8);  // of the round, so that all kinds are there
@@ -54,23 +55,42 @@ TEST_CASE("windows hold every candidate whose interval meets that of the query")
       const auto angle = static_cast<float>(between(random, 0, two_pi));
       const bool unbounded = random() % 10 == 0;
       const bool edge = random() % 5 == 0;
-      return plane_interval{edge ? (random() % 2 ? 0.0F : two_pi * 0.9999999F) : angle,
-                            unbounded ? -1.0F : static_cast<float>(std::pow(10, between(random, widest - 1, widest)))};
+      plane_interval at{edge ? (random() % 2 ? 0.0F : two_pi * 0.9999999F) : angle,
+                        unbounded ? -1.0F : static_cast<float>(std::pow(10, between(random, widest - 1, widest)))};
+      const auto to = static_cast<float>(between(random, 0, 3.1416)), off = static_cast<float>(between(random, 0, 0.1));
+      if (random() % 4 != 0) at.least = to - off, at.most = to + off;
+      if (random() % 20 == 0) at.least = -1e30F, at.most = 1e30F;
+      return at;
     };
     for (int i = 0; i < n; ++i) {
       intervals.push_back(interval());
       names.push_back(1000 + i);
     }
     float sorted_width = 0;
-    epipolar_table table{offsets.data(), candidates.data(), &sorted_width};
+    const auto room = static_cast<std::size_t>(n + turbomap::plane_codes::padding);
+    std::vector<std::uint16_t> angles(room), half_widths(room);
+    std::vector<std::int16_t> least(room);
+    epipolar_table table{
+        offsets.data(), candidates.data(), {angles.data(), half_widths.data(), least.data()}, &sorted_width};
     table.build(names.data(), intervals.data(), keys.data(), n);
     for (int i = 0; i < 50; ++i) {
       const plane_interval q = interval();
-      std::vector<int> visits(static_cast<std::size_t>(n));
+      std::vector<int> visits(static_cast<std::size_t>(n)), lists(static_cast<std::size_t>(n));
+      std::vector<std::int32_t> list(room);
       table.windows(q, [&](std::int32_t first, std::int32_t last) {
         REQUIRE((first >= 0 && last <= n));
         for (std::int32_t c = first; c < last; ++c)
           ++visits[static_cast<std::size_t>(candidates[static_cast<std::size_t>(c)] - 1000)];
+        in_windows += last - first;
+        const int count = table.codes.list_meeting(epipolar_table::code_of(q), first, last, list.data(), 0);
+        REQUIRE(count <= n);
+        listed += count;
+        for (int k = 0; k < count; ++k) {
+          const std::int32_t place = list[static_cast<std::size_t>(k)];
+          REQUIRE((place >= first && place < n));
+          REQUIRE((k == 0 || place > list[static_cast<std::size_t>(k) - 1]));
+          lists[static_cast<std::size_t>(candidates[static_cast<std::size_t>(place)] - 1000)] = 1;
+        }
       });
       for (std::size_t c = 0; c < intervals.size(); ++c) {
         const float apart = std::abs(std::remainder(intervals[c].angle - q.angle, two_pi));
@@ -78,9 +98,15 @@ TEST_CASE("windows hold every candidate whose interval meets that of the query")
             q.half_width < 0 || intervals[c].half_width < 0 || apart < q.half_width + intervals[c].half_width;
         REQUIRE(visits[c] <= 1);
         if (meets) REQUIRE(visits[c] == 1);
+        if (meets && intervals[c].least <= q.most) REQUIRE(lists[c] == 1);
+        // Rounding is of a few units: what is clearly apart is left out.
+        constexpr float unit = 5e-4F;
+        const bool apart_in_plane = !meets && apart > q.half_width + intervals[c].half_width + unit;
+        if (apart_in_plane || intervals[c].least > q.most + 2 * unit) REQUIRE(lists[c] == 0);
       }
     }
   }
+  CHECK(listed < in_windows);
 }
 
 /// Options from the defaults to the absurd.
@@ -176,7 +202,8 @@ order_tally count_left_out(scene<Descriptor, Camera>& s, const search_options& o
   };
   const auto meet = [](const plane_interval& a, const plane_interval& b) {
     const float apart = std::abs(std::remainder(a.angle - b.angle, two_pi));
-    return a.half_width < 0 || b.half_width < 0 || apart <= a.half_width + b.half_width;
+    const bool in_plane = a.half_width < 0 || b.half_width < 0 || apart <= a.half_width + b.half_width;
+    return in_plane && b.least <= a.most;  // b: the candidate
   };
   for (int n = 0; n < search.neighbour_count; ++n)
     for (int a = 0; a < search.query_cameras; ++a)

@@ -9,7 +9,8 @@
 /// All planes through the baseline of two views are ordered by one angle. A keypoint that may be off by r pixels fixes its
 /// plane up to a half-width w, large for coarse octaves and near the epipole. Candidates of up to some w are sorted into buckets
 /// of angle (one counting sort); a query reads the buckets that overlap its own angle +- (its w + that w). The few wider
-/// candidates are compared with every query. Half-widths are upper bounds with a slack far above float rounding: the windows may be
+/// candidates are compared with every query. In a window the intervals of the candidates are compared one by one before their
+/// descriptors (plane_codes.hpp). Half-widths are upper bounds with a slack far above float rounding: the windows may be
 /// too long, never too short.
 
 #include <cmath>
@@ -17,6 +18,7 @@
 
 #include "../config.hpp"
 #include "../math/pack.hpp"
+#include "plane_codes.hpp"
 #include "search_view.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -59,6 +61,10 @@ F asin_bound(F s) {
 struct plane_interval {
   float angle;       ///< [0, 2 pi); straight images: twice the angle of the full plane, which repeats after pi
   float half_width;  ///< in the same measure; < 0: unbounded, matches every angle
+  /// Curved images: within which the angle of the ray to the baseline is, rad. A point in space is seen at a greater angle by the
+  /// query's camera, towards which the baseline points, than by the candidate's: candidates whose `least` is above the query's
+  /// `most` lie on the wrong side of it.
+  float least = 0, most = 4;
 };
 
 /// Rays of keypoints, measured together. Places behind the last are read, so they hold numbers.
@@ -109,13 +115,13 @@ class plane_measure {
       return vec3<float>{column(0), column(1), column(2)};
     };
     plane_measure m = *this;
-    m.x_ = turn(x_), m.y_ = turn(y_);
+    m.x_ = turn(x_), m.y_ = turn(y_), m.baseline_ = turn(baseline_);
     return m;
   }
   /// Interval of a keypoint whose bearing is `b`. \param s  spread()
   plane_interval operator()(const vec3<float>& b, float s) const {
     plane_interval interval;
-    measure(b.x, b.y, b.z, s, interval.angle, interval.half_width);
+    measure(b.x, b.y, b.z, s, interval.angle, interval.half_width, interval.least, interval.most);
     return interval;
   }
   /// Those of `count` keypoints.
@@ -123,12 +129,12 @@ class plane_measure {
     using P = pack<float, 8>;
     static_assert(ray_batch::size % P::lanes == 0);
     for (int i = 0; i < count; i += P::lanes) {
-      P angle, half_width;
+      P angle, half_width, least, most;
       measure(P::load(rays.x + i), P::load(rays.y + i), P::load(rays.z + i), P::load(rays.spread + i), angle,
-              half_width);
-      float angles[P::lanes], widths[P::lanes];
-      angle.store(angles), half_width.store(widths);
-      for (int l = 0; l < P::lanes && i + l < count; ++l) intervals[i + l] = {angles[l], widths[l]};
+              half_width, least, most);
+      float angles[P::lanes], widths[P::lanes], lows[P::lanes], highs[P::lanes];
+      angle.store(angles), half_width.store(widths), least.store(lows), most.store(highs);
+      for (int l = 0; l < P::lanes && i + l < count; ++l) intervals[i + l] = {angles[l], widths[l], lows[l], highs[l]};
     }
   }
 
@@ -138,19 +144,25 @@ class plane_measure {
   plane_measure(const pair_geometry& g, float reach, const resolution_profile* resolution)
       : x_(g.plane_x),
         y_(g.plane_y),
+        baseline_(g.baseline),
         reach_(reach),
         least_(g.baseline.x == 0 && g.baseline.y == 0 && g.baseline.z == 0 ? unbounded : 1e-3F),
         resolution_(resolution) {}
 
   template <class F>
-  void measure(F bx, F by, F bz, F s, F& angle, F& half_width) const {
+  void measure(F bx, F by, F bz, F s, F& angle, F& half_width, F& least, F& most) const {
     using std::sqrt;
     const F px = bx * F(x_.x) + by * F(x_.y) + bz * F(x_.z), py = bx * F(y_.x) + by * F(y_.y) + bz * F(y_.z);
     const F distance = sqrt(px * px + py * py);  // sine of the angle to the baseline
     const F width = asin_bound(s / larger(distance, F(1e-30F))) * F(1.01F) + F(epipolar_order_layout::slack);
     angle = plane_angle(py, px);
     F w = width;
-    if (resolution_ == nullptr) {
+    least = F(0.0F), most = F(4.0F);
+    if (resolution_ != nullptr) {
+      const F to = plane_angle(distance, bx * F(baseline_.x) + by * F(baseline_.y) + bz * F(baseline_.z));
+      const F off = s * F(1.01F) + F(epipolar_order_layout::slack);
+      least = to - off, most = to + off;
+    } else {
       const F pi(epipolar_order_layout::pi);
       angle = F(2.0F) * select_greater(pi, angle, angle, angle - pi);
       w = F(2.0F) * width;
@@ -159,7 +171,7 @@ class plane_measure {
     half_width = select_greater(distance, s, select_greater(distance, F(least_), w, F(-1.0F)), F(-1.0F));
   }
 
-  vec3<float> x_, y_;
+  vec3<float> x_, y_, baseline_;
   float reach_;
   float least_;  ///< nearer to the baseline a plane is unknown
   const resolution_profile* resolution_;
@@ -171,7 +183,13 @@ struct epipolar_table {
 
   std::int32_t* offsets;     ///< total_buckets() + 1
   std::int32_t* candidates;  ///< by bucket; within a bucket in no particular order
+  plane_codes codes;         ///< of `candidates`
   float* sorted_width;       ///< half-width up to which candidates are sorted, rad
+
+  /// In sixteen bits.
+  static plane_code code_of(const plane_interval& at) {
+    return plane_code::of(at.angle, at.half_width, at.least, at.most);
+  }
 
   /// The bucket of an angle in [0, 2 pi).
   static int bucket_of(float angle) {
@@ -200,7 +218,12 @@ struct epipolar_table {
     }
     for (int i = 0; i < layout::total_buckets(); ++i) offsets[i + 1] += offsets[i];
     // Filling moves every offset to the end of its bucket, which is the start of the next: shifted back afterwards.
-    for (int i = 0; i < count; ++i) candidates[offsets[keys[i]]++] = keypoints[i];
+    for (int i = 0; i < count; ++i) {
+      const std::int32_t to = offsets[keys[i]]++;
+      candidates[to] = keypoints[i];
+      codes.set(to, code_of(intervals[i]));
+    }
+    codes.set_end(count);
     for (int i = layout::total_buckets(); i > 0; --i) offsets[i] = offsets[i - 1];
     offsets[0] = 0;
   }

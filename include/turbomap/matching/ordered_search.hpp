@@ -12,6 +12,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "candidate_scan.hpp"
+#include "listed_distances.hpp"
 #include "ordered_tables.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -54,6 +55,12 @@ struct ordered_search {
     bool collected = false, straight = false;
   };
   static_assert(chunk_size == ray_batch::size);
+  /// Candidates of one query whose intervals meet: places in the table.
+  struct near_list {
+    static constexpr int piece = 128;  ///< candidates looked at between two looks at the room that is left
+    std::int32_t places[2 * piece + 2 * plane_codes::padding];
+    int count = 0;
+  };
 
   void collect(const plane_measure& measure, int a, int first, int last, chunk_rays& chunk) const {
     const auto& search = tables.search;
@@ -75,7 +82,6 @@ struct ordered_search {
     const pair_geometry& g = search.pair(n, a, b);
     const plane_measure measure = tables.query_measure(g, a);
     const epipolar_table table = tables.view(n, a, b);
-    const auto descriptors = tables.descriptors_of(n, a, b);
     if (!chunk.collected || chunk.straight != g.straight) collect(measure, a, first, last, chunk);
     chunk.straight = g.straight;
     plane_interval intervals[chunk_size];
@@ -83,16 +89,30 @@ struct ordered_search {
     // All windows first: the loads of one need not wait until the branches of the last query are known.
     epipolar_table::window windows[chunk_size];
     for (int i = 0; i < chunk.count; ++i) windows[i] = table.window_of(intervals[i]);
+    const listed_distances<Descriptor> distances{tables.descriptors_of(n, a, b)};
+    near_list near;
     for (int i = 0; i < chunk.count; ++i) {
       const int slot = chunk.slots[i], keypoint = search.queries[slot];
-      const auto* descriptor = query.descriptor_of(keypoint);
+      const auto* const descriptor = query.descriptor_of(keypoint);
       std::int32_t& match = search.match[n * search.slot_count + slot];
       auto& distance = search.distance[n * search.slot_count + slot];
       candidate_scan<Descriptor, Camera> scan(search, n, keypoint, match, distance);
-      for (int range = 0; range < 2; ++range)
-        descriptors.visit_near(
-            descriptor, windows[i].first[range], windows[i].last[range], [&] { return scan.best_distance(); },
+      const auto compare = [&] {
+        distances.visit_near(
+            descriptor, near.places, near.count, [&] { return scan.best_distance(); },
             [&](std::int32_t k, auto d) { scan.consider(table.candidates[k], d); });
+        near.count = 0;
+      };
+      const plane_code code = epipolar_table::code_of(intervals[i]);
+      for (int range = 0; range < 2; ++range) {
+        const std::int32_t last = windows[i].last[range];
+        for (std::int32_t k = windows[i].first[range]; k < last; k += near_list::piece) {
+          near.count = table.codes.list_meeting(code, k, last - k < near_list::piece ? last : k + near_list::piece,
+                                                near.places, near.count);
+          if (near.count > near_list::piece) compare();
+        }
+      }
+      compare();
       match = scan.best();
       distance = scan.best_distance();
     }

@@ -11,12 +11,12 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 
 #include "../config.hpp"
 #include "../context.hpp"
 #include "epipolar_order.hpp"
 #include "search_view.hpp"
-#include "window_descriptors.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -33,24 +33,26 @@ struct ordered_tables {
   search_view<Descriptor, Camera> search;  ///< keyframes and pairs
   std::int32_t* offsets;                   ///< of each table, total_buckets() + 1
   std::int32_t* sorted;                    ///< keypoints by bucket, one table after the other
+  plane_codes codes;                       ///< of `sorted`, in its order
   float* sorted_width;                     ///< of each table, rad
   std::int32_t* keypoints;                 ///< those of the camera, before sorting
   plane_interval* intervals;               ///< of each keypoint, before sorting
   std::int32_t* keys;                      ///< buckets, before sorting
-  /// Of `sorted`, in its order, each table by itself. Null: not copied.
+  /// Of `sorted`, in its order. Null: not copied.
   typename Descriptor::element* descriptors;
 
   /// One table.
   epipolar_table view(int n, int a, int b) const {
     const std::int64_t table = number(n, a, b);
-    return {offsets + table * (epipolar_order_layout::total_buckets() + 1), sorted + first(n, a, b),
+    const std::int64_t slice = first(n, a, b);
+    return {offsets + table * (epipolar_order_layout::total_buckets() + 1),
+            sorted + slice,
+            {codes.angles + slice, codes.half_widths + slice, codes.least + slice},
             sorted_width + table};
   }
   /// The descriptors of one table.
-  window_descriptors<Descriptor> descriptors_of(int n, int a, int b) const {
-    using row = window_descriptors<Descriptor>;
-    const auto before = static_cast<std::size_t>(first(n, a, b)), tables = static_cast<std::size_t>(number(n, a, b));
-    return {descriptors + before * (row::room(1) - row::room(0)) + tables * row::room(0), capacity(n)};
+  typename Descriptor::element* descriptors_of(int n, int a, int b) const {
+    return descriptors + first(n, a, b) * Descriptor::elements;
   }
   /// Measures the candidates (side b) of a pair.
   plane_measure candidate_measure(const pair_geometry& g, int n, int b) const {
@@ -81,19 +83,20 @@ struct ordered_tables {
   std::int64_t number(int n, int a, int b) const {
     return (std::int64_t{n} * search.query_cameras + a) * search.neighbour_cameras + b;
   }
-  /// Entries of each table of neighbour n.
+  /// Entries of each table of neighbour n that hold keypoints.
   std::size_t capacity(int n) const {
     if constexpr (of_candidates) return static_cast<std::size_t>(search.candidate_end[n] - search.candidate_begin[n]);
     return static_cast<std::size_t>(search.slot_count);
   }
   /// Entries of all tables before.
   std::int64_t first(int n, int a, int b) const {
+    const std::int64_t padding = number(n, a, b) * plane_codes::padding;
     if constexpr (of_candidates) {
       const std::int64_t cameras = search.query_cameras * search.neighbour_cameras;
-      return cameras * search.candidate_begin[n] +
+      return padding + cameras * search.candidate_begin[n] +
              (a * search.neighbour_cameras + b) * static_cast<std::int64_t>(capacity(n));
     }
-    return number(n, a, b) * search.slot_count;
+    return padding + number(n, a, b) * search.slot_count;
   }
 };
 
@@ -113,10 +116,10 @@ struct build_ordered_table {
     const int count = used ? collect(n, a, b, tables.keypoints + slice, tables.intervals + slice) : 0;
     table.build(tables.keypoints + slice, tables.intervals + slice, tables.keys + slice, count);
     if (tables.descriptors == nullptr) return;
-    const auto descriptors = tables.descriptors_of(n, a, b);
+    auto* to = tables.descriptors_of(n, a, b);
     const auto& from = tables.of_candidates ? search.neighbour(n) : search.query();
-    for (int k = 0; k < count; ++k)
-      descriptors.set(static_cast<std::size_t>(k), from.descriptor_of(table.candidates[k]));
+    for (int k = 0; k < count; ++k, to += Descriptor::elements)
+      std::memcpy(to, from.descriptor_of(table.candidates[k]), Descriptor::bytes);
   }
 
  private:
@@ -165,21 +168,22 @@ ordered_tables<Descriptor, Camera, Side> take_tables(scratch_arena<Memory>& scra
   const auto neighbours = static_cast<std::size_t>(search.neighbour_count), tables = neighbours * cameras;
   const std::int32_t last_candidate = neighbours == 0 ? 0 : search.candidate_end[neighbours - 1];
   const std::size_t entries =
-      cameras * (Side == sorted_side::candidates ? static_cast<std::size_t>(last_candidate)
-                                                 : neighbours * static_cast<std::size_t>(search.slot_count));
+      tables * plane_codes::padding + cameras * (Side == sorted_side::candidates
+                                                     ? static_cast<std::size_t>(last_candidate)
+                                                     : neighbours * static_cast<std::size_t>(search.slot_count));
   ordered_tables<Descriptor, Camera, Side> result{};
   result.search = search;
   result.offsets = scratch.template take<std::int32_t>(tables * (epipolar_order_layout::total_buckets() + 1));
   result.sorted = scratch.template take<std::int32_t>(entries);
+  result.codes.angles = scratch.template take<std::uint16_t>(entries);
+  result.codes.half_widths = scratch.template take<std::uint16_t>(entries);
+  result.codes.least = scratch.template take<std::int16_t>(entries);
   result.sorted_width = scratch.template take<float>(tables);
   result.keypoints = scratch.template take<std::int32_t>(entries);
   result.intervals = scratch.template take<plane_interval>(entries);
   result.keys = scratch.template take<std::int32_t>(entries);
-  if (with_descriptors) {
-    using row = window_descriptors<Descriptor>;
-    result.descriptors = scratch.template take<typename Descriptor::element>(entries * (row::room(1) - row::room(0)) +
-                                                                             tables * row::room(0));
-  }
+  if (with_descriptors)
+    result.descriptors = scratch.template take<typename Descriptor::element>(entries * Descriptor::elements);
   return result;
 }
 

@@ -1,0 +1,121 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Intervals of epipolar planes in sixteen bits, and the choice of those that meet a given one. A window of the epipolar order is
+/// as wide as its widest candidate needs: most candidates in it are narrower, and lie too far off. So intervals are compared before
+/// any descriptor is read, sixteen at once where the processor has vectors of 256 bits.
+
+#include <cstdint>
+#include <cstring>
+
+#include "../config.hpp"
+#include "../math/native_vector.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// The circle has 65536 units, so that differences of angles wrap as the angles do.
+struct plane_code {
+  static constexpr std::uint16_t unbounded = 65535;  ///< a half-width that meets every angle
+  static constexpr std::int16_t nowhere = 32767;     ///< a `least` above every `most`
+
+  std::uint16_t angle, half_width;  ///< of the plane, in units of the circle / 65536
+  std::int16_t least, most;         ///< of the angle to the baseline, in units of 2^-13 rad
+
+  /// Of a plane_interval. \param half_width  < 0: unbounded
+  static plane_code of(float angle, float half_width, float least, float most) {
+    constexpr float units = 65536 / 6.28318531F, steps = 8192;
+    // Rounded outwards; what is no number is no limit.
+    const float low = least * steps - 2, high = most * steps + 2;
+    plane_code code{0, unbounded, -32768, nowhere - 1};
+    if (low > -32768) code.least = low < nowhere - 1 ? static_cast<std::int16_t>(low) : std::int16_t{nowhere - 1};
+    if (high < nowhere - 1) code.most = high > -32768 ? static_cast<std::int16_t>(high) : std::int16_t{-32768};
+    if (half_width < 0) return code;
+    // Two more: the angles of both lose up to one each, the width another.
+    const float width = half_width * units + 2;
+    code.angle = static_cast<std::uint16_t>(static_cast<std::int32_t>(angle * units));
+    code.half_width = width < 65535 ? static_cast<std::uint16_t>(width) : unbounded;
+    return code;
+  }
+  /// Whether the intervals of a query (this) and a candidate have a plane in common, or nearly, and the candidate is on the right
+  /// side of the baseline.
+  bool meets(plane_code other) const {
+    const auto apart = static_cast<std::uint16_t>(angle - other.angle);
+    const int shorter = apart > 32768 ? 65536 - apart : apart;
+    return shorter <= int{half_width} + int{other.half_width} && other.least <= most;
+  }
+};
+
+/// The codes of a list of keypoints, in arrays.
+struct plane_codes {
+  /// Elements of each array behind the last code. They are read; set_end() makes them meet nothing.
+  static constexpr int padding = 16;
+
+  std::uint16_t* angles;       ///< of the planes
+  std::uint16_t* half_widths;  ///< of the planes
+  std::int16_t* least;         ///< angles to the baseline
+
+  /// Code k.
+  void set(std::int32_t k, plane_code code) const {
+    angles[k] = code.angle, half_widths[k] = code.half_width, least[k] = code.least;
+  }
+  /// Ends a list of `count` codes.
+  void set_end(std::int32_t count) const {
+    for (std::int32_t k = count; k < count + padding; ++k) set(k, {0, 0, plane_code::nowhere, 0});
+  }
+  /// Appends those k of [begin, end) that the query q meets to list[0, count), ascending, and perhaps some just behind `end` that
+  /// it meets too. Returns how many there are then. Writes up to `padding` elements behind them.
+  int list_meeting(plane_code q, std::int32_t begin, std::int32_t end, std::int32_t* list, int count) const {
+#if TURBOMAP_X86_VECTORS && TURBOMAP_VECTOR_BYTES >= 32
+    const __m256i angle = _mm256_set1_epi16(static_cast<short>(q.angle)), most = _mm256_set1_epi16(q.most);
+    const __m256i half_width = _mm256_set1_epi16(static_cast<short>(q.half_width)), zero = _mm256_setzero_si256();
+    for (std::int32_t k = begin; k < end; k += 16) {
+      const __m256i apart = _mm256_abs_epi16(_mm256_sub_epi16(load(angles + k), angle));
+      const __m256i too_far = _mm256_subs_epu16(apart, _mm256_adds_epu16(load(half_widths + k), half_width));
+      const __m256i meets =
+          _mm256_andnot_si256(_mm256_cmpgt_epi16(load(least + k), most), _mm256_cmpeq_epi16(too_far, zero));
+      const __m128i bytes = _mm_packs_epi16(_mm256_castsi256_si128(meets), _mm256_extracti128_si256(meets, 1));
+      const auto mask = static_cast<unsigned>(_mm_movemask_epi8(bytes));
+      count = append(k, mask & 0xFFU, list, count);
+      count = append(k + 8, mask >> 8, list, count);
+    }
+#else
+    for (std::int32_t k = begin; k < end; ++k) {
+      list[count] = k;  // without a branch: it could not be predicted
+      count += q.meets({angles[k], half_widths[k], least[k], 0}) ? 1 : 0;
+    }
+#endif
+    return count;
+  }
+
+#if TURBOMAP_X86_VECTORS && TURBOMAP_VECTOR_BYTES >= 32
+ private:
+  static __m256i load(const void* from) {
+    __m256i v;
+    std::memcpy(&v, from, sizeof v);
+    return v;
+  }
+  /// The numbers of the bits that are set in a byte, ascending, one byte each.
+  struct bit_numbers {
+    std::uint64_t of[256];
+
+    constexpr bit_numbers() : of() {
+      for (unsigned mask = 0; mask < 256; ++mask) {
+        unsigned set = 0;
+        for (unsigned bit = 0; bit < 8; ++bit)
+          if ((mask >> bit & 1U) != 0) of[mask] |= std::uint64_t{bit} << (8 * set++);
+      }
+    }
+  };
+  static int append(std::int32_t first, unsigned mask, std::int32_t* list, int count) {
+    static constexpr bit_numbers bits;
+    const __m256i numbers = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(static_cast<long long>(bits.of[mask])));
+    const __m256i chosen = _mm256_add_epi32(numbers, _mm256_set1_epi32(first));
+    std::memcpy(list + count, &chosen, sizeof chosen);
+    return count + __builtin_popcount(mask);
+  }
+#endif
+};
+
+TURBOMAP_END_NAMESPACE
