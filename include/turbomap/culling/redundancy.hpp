@@ -24,11 +24,8 @@ struct keyframe_culling_options {
   float max_depth = 0;   ///< m, > 0 (stereo): only points with a depth in [0, max_depth] count; 0: all (monocular)
   /// Of the stage, per keyframe that is mapped, so that a crowded map, or mapping that was behind, costs no more than this. 0: no
   /// bound [ORB-SLAM3]. The recordings have at most 4 removals.
-  int most_candidates = 128;  ///< so many are looked at, those that share most
-  int most_erased = 8;        ///< after so many removals the others wait for the next keyframe
-  /// false: counting may end where enough points decide that the keyframe is needed. The stage, which nobody asks for the counts,
-  /// sets it so.
-  bool complete_counts = true;
+  int most_candidates = 128;     ///< so many are looked at, those that share most
+  int most_erased = 8;           ///< after so many removals the others wait for the next keyframe
   int fewest_measurements = 2;   ///< a point dies when a removal leaves it so many measurements or fewer
   bool temporal_guards = false;  ///< inertial: the rules below; the map's traits have time(), previous() and next()
   int keep_keyframes = 21;       ///< none is taken while there are so many or fewer
@@ -49,12 +46,6 @@ struct redundancy {
 inline bool is_redundant(const redundancy& count, const keyframe_culling_options& options) {
   const float limit = options.redundant_share * static_cast<float>(count.points);
   return static_cast<float>(count.redundant) > limit;
-}
-
-/// So many points that are not redundant decide that a keyframe of `most` points, or fewer, is needed. Two more than the share asks
-/// for: is_redundant() rounds its product, by less than one point.
-inline int enough_needed(std::size_t most, const keyframe_culling_options& options) {
-  return static_cast<int>((1.0 - static_cast<double>(options.redundant_share)) * static_cast<double>(most)) + 2;
 }
 
 /// Keyframes that see a point at `octave` or finer, but no more than `enough`: counting ends there.

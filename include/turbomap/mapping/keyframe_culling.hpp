@@ -8,7 +8,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <type_traits>
 
 #include "../config.hpp"
@@ -63,8 +62,7 @@ std::uint32_t observers_up_to(const Map& map, typename map_traits<Map>::point po
 }
 
 /// Points of the keyframe that count, and how many of them are redundant. A short sum per point where the map keeps counts
-/// (counts_octaves_v). `scratch` is reused memory. O(keypoints). Without options.complete_counts only so many points of a keyframe
-/// that is needed are counted as decide that.
+/// (counts_octaves_v). `scratch` is reused memory. O(keypoints).
 template <class Map, class List>
 redundancy count_redundant(const Map& map, typename map_traits<Map>::keyframe keyframe,
                            const keyframe_culling_options& options, List& scratch) {
@@ -72,10 +70,12 @@ redundancy count_redundant(const Map& map, typename map_traits<Map>::keyframe ke
   const typename traits::point none{};
   redundancy count;
   const std::size_t keypoints = keypoint_count_of(map, keyframe);
-  const auto is_near = [&](const auto& k) {
+  const bool at_any_depth = !(options.max_depth > 0);  // then no keypoint is read for it
+  const auto is_near = [&](std::size_t i) {
+    if (at_any_depth) return 1;
     // No branch: which keypoints are near cannot be predicted.
-    return static_cast<int>(!(options.max_depth > 0)) |
-           (static_cast<int>(k.depth >= 0) & static_cast<int>(k.depth <= options.max_depth));
+    const auto& k = keypoint_of(map, keyframe, i);
+    return static_cast<int>(k.depth >= 0) & static_cast<int>(k.depth <= options.max_depth);
   };
   // The keyframe itself is one of the observers, at the finest octave of its cameras, so never coarser than this view.
   const auto enough = static_cast<std::uint32_t>(options.observers) + 2;
@@ -85,12 +85,9 @@ redundancy count_redundant(const Map& map, typename map_traits<Map>::keyframe ke
     std::size_t listed = 0;
     for (std::size_t i = 0; i < keypoints; ++i) {
       scratch[listed] = static_cast<std::uint32_t>(i);
-      listed += static_cast<std::size_t>(static_cast<int>(!(traits::point_at(map, keyframe, i) == none)) &
-                                         is_near(keypoint_of(map, keyframe, i)));
+      listed += static_cast<std::size_t>(static_cast<int>(!(traits::point_at(map, keyframe, i) == none)) & is_near(i));
     }
-    const int enough_are_needed =
-        options.complete_counts ? std::numeric_limits<int>::max() : enough_needed(listed, options);
-    for (std::size_t n = 0; n < listed && count.points - count.redundant < enough_are_needed; ++n) {
+    for (std::size_t n = 0; n < listed; ++n) {
       const auto i = static_cast<std::size_t>(scratch[n]);
       const auto point = traits::point_at(map, keyframe, i);
       if (!traits::alive(map, point)) continue;
@@ -105,8 +102,8 @@ redundancy count_redundant(const Map& map, typename map_traits<Map>::keyframe ke
     for (std::size_t i = 0; i < keypoints; ++i) {
       const auto point = traits::point_at(map, keyframe, i);
       if (point == none || !traits::alive(map, point)) continue;
+      if (is_near(i) == 0) continue;
       const auto& k = keypoint_of(map, keyframe, i);
-      if (is_near(k) == 0) continue;
       ++count.points;
       count.redundant +=
           observers_up_to(map, point, k.octave + options.octave_slack, enough, scratch) >= enough ? 1 : 0;
@@ -269,9 +266,8 @@ class keyframe_culling {
     const auto guard = s.guard();
     if (!traits::alive(s.map, candidate)) return;
     records_.clear();
-    keyframe_culling_options decide = options;
-    decide.complete_counts = false;  // nobody reads them here
-    cull_keyframes(s.map, current, span<const keyframe>(&candidate, 1), decide, records_, &touched_, erasing, s.faults);
+    cull_keyframes(s.map, current, span<const keyframe>(&candidate, 1), options, records_, &touched_, erasing,
+                   s.faults);
     for (const auto& record : records_)
       if (record.verdict == culling_verdict::erased) erased(record.id);
   }
