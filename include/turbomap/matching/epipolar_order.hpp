@@ -64,7 +64,8 @@ struct plane_interval {
   /// Curved images: within which the angle of the ray to the baseline is, rad. A point in space is seen at a greater angle by the
   /// query's camera, towards which the baseline points, than by the candidate's: candidates whose `least` is above the query's
   /// `most` lie on the wrong side of it.
-  float least = 0, most = 4;
+  float least = 0;
+  float most = 4;  ///< see least
 };
 
 /// Rays of keypoints, measured together. Places behind the last are read, so they hold numbers.

@@ -20,8 +20,10 @@ struct plane_code {
   static constexpr std::uint16_t unbounded = 65535;  ///< a half-width that meets every angle
   static constexpr std::int16_t nowhere = 32767;     ///< a `least` above every `most`
 
-  std::uint16_t angle, half_width;  ///< of the plane, in units of the circle / 65536
-  std::int16_t least, most;         ///< of the angle to the baseline, in units of 2^-13 rad
+  std::uint16_t angle;       ///< of the plane, in units of the circle / 65536
+  std::uint16_t half_width;  ///< in the same units
+  std::int16_t least;        ///< of the angle to the baseline, in units of 2^-13 rad
+  std::int16_t most;         ///< in the same units
 
   /// Of a plane_interval. \param half_width  < 0: unbounded
   static plane_code of(float angle, float half_width, float least, float most) {
