@@ -9,6 +9,7 @@
 
 #include "../config.hpp"
 #include "../parallel.hpp"
+#include "equal_shares.hpp"
 #include "factor_sums.hpp"
 #include "reprojection.hpp"
 #include "reprojection_cost.hpp"
@@ -160,8 +161,8 @@ void launch_linearise_reprojections(const thrust::execution_policy<Derived>& pol
                                     const reprojection_view<Camera, Kernel>& group, const isometry<double>* T_bw,
                                     const double* landmarks, const factor_sums<A>& sums, const cost_sums& costs) {
   constexpr int lanes = observation_shape<memory_of_t<Derived>>::lanes;
-  for_each_index(derived(policy), group.chunk_count,
-                 linearise_reprojections<Camera, Kernel, G, A, lanes, V>{group, T_bw, landmarks, sums, costs});
+  for_each_in_shares(derived(policy), group.chunk_count, work_of_chunks{group.chunks, group.chunk_count},
+                     linearise_reprojections<Camera, Kernel, G, A, lanes, V>{group, T_bw, landmarks, sums, costs});
 }
 
 TURBOMAP_END_NAMESPACE

@@ -17,6 +17,18 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// The work before chunks of a group: their observations.
+struct work_of_chunks {
+  const observation_chunk* chunks;  ///< of the group
+  int count;                        ///< of chunks
+
+  /// Of the chunks before i, padding included.
+  TURBOMAP_HD long long operator()(int i) const {
+    if (i < count) return chunks[i].begin;
+    return count > 0 ? chunks[count - 1].begin + chunks[count - 1].count : 0;
+  }
+};
+
 /// In the order of its group_structure.
 template <class Camera, class Kernel>
 struct reprojection_view {

@@ -54,11 +54,26 @@ struct schur_view : sum_lists<list_pointer>, block_lists<list_pointer> {
   TURBOMAP_HD bool moves(int l) const { return landmark_fixed == nullptr || landmark_fixed[l] == 0; }
 };
 
+/// The work before landmarks that are taken some at a time: entries of a list of theirs, and a few per landmark.
+struct work_of_landmarks {
+  const std::int32_t* list;  ///< [landmark + 1]
+  int landmarks;             ///< of the problem
+  int per_index;             ///< landmarks of an index
+  int each;                  ///< entries that a landmark itself stands for
+
+  /// Of the indices before i.
+  TURBOMAP_HD long long operator()(int i) const {
+    const long long before = static_cast<long long>(i) * per_index;
+    const long long l = before < landmarks ? before : landmarks;
+    return list[l] + each * l;
+  }
+};
+
 namespace detail {
 
 /// Sum of the rows of a landmark: H (lower triangle), then b.
 template <class A>
-TURBOMAP_HD void sum_rows(const schur_view<A>& s, int l, double (&total)[9]) {
+[[gnu::always_inline]] TURBOMAP_HD inline void sum_rows(const schur_view<A>& s, int l, double (&total)[9]) {
   using P = pack<A, 8>;
   P head(A(0));
   A last(0);

@@ -12,6 +12,7 @@
 #include "../math/pack_convert.hpp"
 #include "../parallel.hpp"
 #include "damping.hpp"
+#include "equal_shares.hpp"
 #include "move_frames.hpp"
 #include "schur_view.hpp"
 
@@ -93,8 +94,11 @@ template <int V, int D, class Derived, class A>
 void launch_substitute_landmarks(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s,
                                  const double* step, const damping& damping, const double* from, double* to,
                                  double* predicted) {
-  for_each_index(derived(policy), landmark_gain_count(s.landmarks),
-                 substitute_landmarks<A, V, D>{s, step, damping, from, to, predicted});
+  constexpr int each = 1;  // moving a landmark takes about as long as one of its slots
+  for_each_in_shares(
+      derived(policy), landmark_gain_count(s.landmarks),
+      work_of_landmarks{s.landmark_slot, s.landmarks, substitute_landmarks<A, V, D>::landmarks_per_index, each},
+      substitute_landmarks<A, V, D>{s, step, damping, from, to, predicted});
 }
 
 /// Applies a step to all landmarks and frames: launch_substitute_landmarks() and launch_retract_frames().
