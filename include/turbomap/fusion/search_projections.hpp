@@ -39,13 +39,17 @@ struct projection_search {
       return;
     }
     const projection_prefilter<Descriptor, Camera> prefilter(search, camera);
-    for (int p = first; p < last; ++p) {
-      const bool skipped = camera.of.skip != nullptr && camera.of.skip[p] != 0;
-      if (!skipped && prefilter.may_match(p)) store(at + p, test(p));
-    }
+    for (int p = first; p < last; ++p)
+      if (is_hopeful(camera, prefilter, p)) store(at + p, test(p));
   }
 
- private:
+  /// Whether a point is to be decided on: it is not skipped, and a few operations do not tell that it has no match.
+  TURBOMAP_HD static bool is_hopeful(const projection_camera& camera,
+                                     const projection_prefilter<Descriptor, Camera>& prefilter, int p) {
+    const bool skipped = camera.of.skip != nullptr && camera.of.skip[p] != 0;
+    return !skipped && prefilter.may_match(p);
+  }
+  /// Writes the hit of index `at`, if there is one.
   TURBOMAP_HD void store(std::int64_t at, const projection_trial<distance_type>& trial) const {
     if (trial.outcome == projection_outcome::matched) search.hits[at] = {trial.keypoint, trial.distance};
   }
