@@ -21,6 +21,9 @@ TEST_CASE("pinhole keyframes") {
   duplicate_recipe large = seeded(20);
   large.targets = 12, large.points = 1200, large.clutter = 900;
   check_duplicate_tally(check_scenes(on.policy(), pinhole_rig(50), large, {}, 1), 10);
+  duplicate_recipe many = seeded(25);  // so many that a block takes more points than it has threads
+  many.targets = 44, many.points = 1100, many.clutter = 50;
+  CHECK(check_scenes(on.policy(), pinhole_rig(50), many, {}, 1).differences == 0);
 }
 TEST_CASE("fisheye rigs of one to three cameras") {
   const stream on;

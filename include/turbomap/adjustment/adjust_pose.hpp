@@ -168,6 +168,17 @@ struct adjust_one_pose {
     }
   }
 
+  /// Huber's kernel; on a device by one reciprocal root instead of a root of a quotient.
+  TURBOMAP_HD static void weigh_robustly(double delta2, double chi2, double& rho, double& weight) {
+#if defined(__CUDA_ARCH__)
+    if (!(chi2 > delta2)) return;
+    weight = ::sqrt(delta2) * ::rsqrt(chi2);
+    rho = (chi2 + chi2) * weight - delta2;
+#else
+    huber{delta2}(chi2, rho, weight);
+#endif
+  }
+
   /// chi2 of an observation, and, where asked for, its part of the normal equations. Negative: not defined.
   template <bool Derivative>
   TURBOMAP_HD double observe(int i, const isometry<double>& T, bool robust, double* H, double* b, double& rho) const {
@@ -181,7 +192,7 @@ struct adjust_one_pose {
     double e[3], chi2 = 0, weight = 1;
     for (int k = 0; k < size; ++k) e[k] = r.e[k].v[0], chi2 += info * e[k] * e[k];
     rho = chi2;
-    if (robust) huber{stereo ? options.stereo_chi2 : options.mono_chi2}(chi2, rho, weight);
+    if (robust) weigh_robustly(stereo ? options.stereo_chi2 : options.mono_chi2, chi2, rho, weight);
     if constexpr (Derivative) {
       const double x = X.x.v[0], y = X.y.v[0], w = X.z.v[0];
       for (int k = 0; k < size; ++k) {

@@ -22,13 +22,27 @@ inline bool is_pose(const rigid_transform<double>& T) {
   return detail::is_finite(T.qx + T.qy + T.qz + T.qw + T.tx + T.ty + T.tz) && norm - 1 < 1e-3 && norm - 1 > -1e-3;
 }
 
+/// 1 / sqrt(x).
+template <class S>
+TURBOMAP_HD S inverse_root(const S& x) {
+  using std::sqrt;
+  return S(1) / sqrt(x);
+}
+/// 1 / sqrt(x), in one operation where a device has it.
+TURBOMAP_HD inline double inverse_root(double x) {
+#if defined(__CUDA_ARCH__)
+  return ::rsqrt(x);
+#else
+  return 1 / std::sqrt(x);
+#endif
+}
+
 /// The transform with its quaternion scaled to unit length; as it is where that cannot be.
 template <class S>
 TURBOMAP_HD rigid_transform<S> normalised(const rigid_transform<S>& T) {
-  using std::sqrt;
   const S n2 = T.qx * T.qx + T.qy * T.qy + T.qz * T.qz + T.qw * T.qw;
   if (!(n2 > S(0))) return T;
-  const S s = S(1) / sqrt(n2);
+  const S s = inverse_root(n2);
   rigid_transform<S> r = T;
   r.qx = T.qx * s, r.qy = T.qy * s, r.qz = T.qz * s, r.qw = T.qw * s;
   return r;

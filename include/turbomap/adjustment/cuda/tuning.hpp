@@ -53,10 +53,12 @@ struct schur_product_tuning {
   static constexpr int warps = 8;  ///< per block
 };
 
-/// launch_adjust_poses: a block per frame, which has a few hundred to a thousand observations. The same for one frame and for
-/// thousands, so that the bits of a frame do not depend on the others.
+/// launch_adjust_poses: a cluster of blocks per frame, which has a few hundred to a thousand observations: most threads have one.
+/// The same for one frame and for thousands, so that the bits of a frame do not depend on the others.
 struct adjust_poses_tuning {
-  static constexpr int warps = 8;  ///< per block
+  static constexpr int blocks = 4;   ///< per frame
+  static constexpr int warps = 5;    ///< per block
+  static constexpr int at_once = 2;  ///< blocks per multiprocessor: what registers are limited for
 };
 
 /// launch_list_blocks: a warp per two of up to `frames` free frames, whose table of slots has a row each; one block scans the
