@@ -11,8 +11,10 @@
 #include <thrust/system/cuda/execution_policy.h>
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <memory_resource>
 #include <random>
 #include <vector>
@@ -189,6 +191,80 @@ TEST_CASE("staging memory that is not pinned: the host sums, and finds the same"
   REQUIRE(pageable.summary.each.size() == pinned.summary.each.size());
   CHECK(pageable.summary.cost_final == doctest::Approx(pinned.summary.cost_final).epsilon(1e-12));
   CHECK(distance(pageable.poses, pinned.poses) <= 1e-9);
+}
+
+TEST_CASE("the damping of the next step is that of the host, to the bit") {
+  const stream on;
+  turbomap::context<stream_policy> ctx{on.policy()};
+  turbomap::array<turbomap::awaited<turbomap::step_report>, turbomap::host_memory> to(ctx.staging_resource());
+  to.resize_discard(1);
+  std::mt19937 random(8);
+  std::uniform_real_distribution<double> uniform(0, 2);
+  int followed = 0, refused = 0;
+  for (int i = 0; i < 200; ++i) {
+    ctx.begin_call();
+    double numbers[4] = {uniform(random), 0, uniform(random), i % 9 == 0 ? 0.0 : 1.0};  // cost, undefined, gain, solved
+    if (i % 11 == 0) numbers[0] = std::numeric_limits<double>::quiet_NaN();
+    double* there = ctx.scratch<double>(5);
+    turbomap::copy_in(ctx.policy(), there, numbers, sizeof numbers);
+    turbomap::step_parts parts;
+    parts.costs = there, parts.cost_count = 1, parts.gains = there + 2, parts.gain_count = 1, parts.solved = there + 3;
+    parts.next_lambda = there + 4, parts.control = {uniform(random) * 1e-3, 2}, parts.cost_before = uniform(random);
+    parts.least_predicted = i % 7 == 0 ? 1.0 : 1e-9, parts.least_decrease = i % 5 == 0 ? 0.5 : 0;
+    turbomap::launch_sum_step<6>(ctx.policy(), parts, to.data());
+    const auto report = turbomap::wait_for(ctx.policy(), *to.data());
+    turbomap::damping_control control = parts.control;
+    const bool goes_on = numbers[3] != 0 && numbers[2] > parts.least_predicted &&
+                         control.accepts(parts.cost_before, numbers[0], numbers[2]) &&
+                         !(parts.cost_before - numbers[0] < parts.least_decrease);
+    CHECK(std::isnan(report.lambda) == !goes_on);
+    if (goes_on) CHECK(report.lambda == control.lambda);
+    const double found = fetched(ctx, there + 4, 1)[0];
+    CHECK((std::isnan(found) ? std::isnan(report.lambda) : found == report.lambda));
+    ++(goes_on ? followed : refused);
+  }
+  CHECK(followed > 20);
+  CHECK(refused > 20);
+}
+
+TEST_CASE("steps that are solved for ahead are those that are solved for when they are asked for") {
+  const stream on;
+  int iterations = 0;
+  for (const auto kind : {scene_kind::mono, scene_kind::stereo})
+    for (const auto rule : {turbomap::damping_rule::identity, turbomap::damping_rule::diagonal})
+      for (const double decrease : {0.0, 1e-3})
+        for (const bool far : {false, true}) {
+          CAPTURE(static_cast<int>(kind));
+          CAPTURE(static_cast<int>(rule));
+          CAPTURE(decrease);
+          CAPTURE(far);
+          auto s = make_adjustment_scene(kind, 9, 2, 150, 7);
+          for (std::size_t l = 0; far && l < s.points.size(); l += 5) s.points[l].x += 5;
+          auto options = in_float64();
+          options.damping = rule, options.min_relative_decrease = decrease, options.max_iterations = 12;
+          const auto run = [&](std::pmr::memory_resource* staging) {
+            turbomap::context<stream_policy> ctx(on.policy(), turbomap::default_resource(turbomap::device_memory{}),
+                                                 staging);
+            turbomap::bundle_problem<stream_policy, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
+            adjusted a;
+            for (int again = 0; again < 2; ++again) {  // what was solved for ahead belongs to one call
+              problem.assign(ctx, s.frame_input(), s.landmark_input(), s.group());
+              a.summary = turbomap::adjust<float64_methods>(ctx, problem, options);
+            }
+            problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
+            return a;
+          };
+          const auto ahead = run(turbomap::default_staging_resource(turbomap::device_memory{}));
+          const auto asked = run(std::pmr::new_delete_resource());  // not pinned: the host sums, and nothing is ahead
+          REQUIRE(ahead.summary.each.size() == asked.summary.each.size());
+          CHECK(ahead.summary.end == asked.summary.end);
+          for (std::size_t i = 0; i < asked.summary.each.size(); ++i)
+            CHECK(ahead.summary.each[i].steps == asked.summary.each[i].steps);
+          CHECK(ahead.summary.cost_final == doctest::Approx(asked.summary.cost_final).epsilon(1e-9));
+          CHECK(distance(ahead.poses, asked.poses) <= 1e-7);
+          iterations += ahead.summary.iterations;
+        }
+  CHECK(iterations > 50);
 }
 
 TEST_CASE("steps that are refused: as on the host") {

@@ -160,12 +160,8 @@ class cholesky_solver {
   template <class Policy>
   reduced_step solve(context<Policy>& ctx, const damping& damping) {
     form(ctx, damping);
-    if constexpr (System::fills_gaps) {
-      const int n = s_.free_frames * D, stride = static_cast<int>(unknowns());
-      const dense_equations equations{matrix_,        x_, x_ + unknowns(), n, stride, default_pivot_tolerance, ordered_,
-                                      s_.free_frames, V};
-      if (launch_solve_dense(ctx.policy(), equations)) return {true, 0, x_, nullptr, x_ + unknowns()};
-    }
+    solves_there_ = solve_there(ctx);
+    if (solves_there_) return enqueued();
     if (!system_.factorise(on_host(ctx, matrix_, system_.size(), workspace_.matrix), default_pivot_tolerance))
       return {};
     double* x = on_host(ctx, x_, unknowns(), workspace_.x);
@@ -174,7 +170,30 @@ class cholesky_solver {
     return {true, 0, x_, x};
   }
 
+  /// Whether the policy solved the last system, and can solve the next one without the host.
+  bool solves_there() const { return solves_there_; }
+  /// The same as solve(), with a damping that the policy knows by then: nothing waits. \param lambda  see schur_view
+  template <class Policy>
+  reduced_step solve_ahead(context<Policy>& ctx, const damping& damping, const double* lambda) {
+    s_.lambda = lambda;
+    form(ctx, damping);
+    solve_there(ctx);
+    s_.lambda = nullptr;
+    return enqueued();
+  }
+
  private:
+  reduced_step enqueued() const { return {true, 0, x_, nullptr, x_ + unknowns()}; }
+  template <class Policy>
+  bool solve_there(context<Policy>& ctx) {
+    if constexpr (System::fills_gaps) {
+      const int n = s_.free_frames * D, stride = static_cast<int>(unknowns());
+      return launch_solve_dense(
+          ctx.policy(), dense_equations{matrix_, x_, x_ + unknowns(), n, stride, default_pivot_tolerance, ordered_,
+                                        s_.free_frames, V, s_.lambda});
+    }
+    return false;
+  }
   std::size_t unknowns() const { return system_.unknowns(); }
 
   template <class Policy>
@@ -190,6 +209,7 @@ class cholesky_solver {
   double* matrix_;
   double* x_;
   double* ordered_ = nullptr;  ///< of a device
+  bool solves_there_ = false;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -39,6 +39,14 @@ class pcg_solver {
     s_.blocks = 0;  // the diagonal ones alone
   }
 
+  /// See cholesky_solver: never.
+  bool solves_there() const { return false; }
+  /// See cholesky_solver: not asked for.
+  template <class Policy>
+  reduced_step solve_ahead(context<Policy>&, const damping&, const double*) {
+    return {};
+  }
+
   /// Solves the damped system. The host reads inner products in every iteration.
   template <class Policy>
   reduced_step solve(context<Policy>& ctx, const damping& damping) {

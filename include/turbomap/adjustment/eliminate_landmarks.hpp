@@ -16,6 +16,7 @@
 #include "../parallel.hpp"
 #include "damping.hpp"
 #include "equal_shares.hpp"
+#include "frame_sums.hpp"
 #include "row_couplings.hpp"
 #include "schur_view.hpp"
 
@@ -188,6 +189,14 @@ void launch_eliminate_landmarks(const thrust::execution_policy<Derived>& policy,
   for_each_in_shares(derived(policy), (s.landmarks + per_index - 1) / per_index,
                      work_of_landmarks{s.landmark_row, s.landmarks, per_index, each},
                      eliminate_landmarks<A, V>{s, damping});
+}
+
+/// launch_sum_frames() and launch_eliminate_landmarks(), neither of which needs the other.
+template <int V, int D, class Derived, class A>
+void launch_sum_and_eliminate(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s,
+                              const damping& damping) {
+  launch_sum_frames<V, D>(derived(policy), s);
+  launch_eliminate_landmarks<V>(derived(policy), s, damping);
 }
 
 TURBOMAP_END_NAMESPACE

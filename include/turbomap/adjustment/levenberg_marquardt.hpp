@@ -10,6 +10,7 @@
 /// and device.
 
 #include <chrono>
+#include <cmath>
 #include <cstddef>
 #include <utility>
 
@@ -46,6 +47,7 @@ class levenberg_marquardt {
   levenberg_marquardt(context<Policy>& ctx, Data& data, const adjustment_options& options)
       : ctx_(ctx), data_(data), options_(options), start_(clock::now()), equations_(begin(ctx), data) {
     gains_ = ctx.template scratch<double>(gain_count());
+    next_lambda_ = ctx.template scratch<double>(1);
   }
 
   /// Iterates to the end. \tparam Solvers  methods that are compiled
@@ -90,7 +92,6 @@ class levenberg_marquardt {
     double cost = summary_.cost_initial;
     damping_control control{options_.initial_lambda};
     summary_.each.reserve(static_cast<std::size_t>(options_.max_iterations < 100 ? options_.max_iterations : 100));
-    int slow = 0;
     for (int i = 0; i < options_.max_iterations; ++i) {
       if (stopped()) return adjustment_end::stopped;
       if (i > 0 && out_of_time()) return adjustment_end::time_budget;
@@ -108,8 +109,8 @@ class levenberg_marquardt {
       it.cost = summary_.cost_final = cost;
       summary_.each.push_back(it);
       if (end != accepted) return end;
-      slow = before - cost < options_.min_relative_decrease * before ? slow + 1 : 0;
-      if (options_.min_relative_decrease > 0 && slow >= options_.slow_iterations) return adjustment_end::converged;
+      slow_ = before - cost < options_.min_relative_decrease * before ? slow_ + 1 : 0;
+      if (options_.min_relative_decrease > 0 && slow_ >= options_.slow_iterations) return adjustment_end::converged;
     }
     return adjustment_end::max_iterations;
   }
@@ -137,15 +138,20 @@ class levenberg_marquardt {
 
   /// The cost of an estimate. \param linearise  it is likely to be linearised next: in the same pass, where that is cheap
   double evaluate(const estimate_view<typename Data::frame>& x, bool linearise) {
-    if (const step_report* report = evaluate_step(x, {}, linearise)) return report->cost;
+    if (const step_report* report = evaluate_step(x, {}, linearise, nullptr)) return report->cost;
     if (!Data::reprojections_only || !linearise) return equations_.evaluate(ctx_, x);
     note_linearised(x, false);
     return equations_.linearise_and_evaluate(ctx_, x);
   }
   /// The same of a step, where the policy sums: see normal_equations.
+  /// \param solver  solves for the next step too, while the host judges this one; null: it cannot
   const step_report* evaluate_step(const estimate_view<typename Data::frame>& x, const step_parts& parts,
-                                   bool linearise) {
-    const step_report* report = equations_.evaluate_step(ctx_, x, parts, linearise);
+                                   bool linearise, solver_type* solver) {
+    const step_report* report = equations_.evaluate_step(ctx_, x, parts, linearise, [&] {
+      if (parts.next_lambda == nullptr) return equations_.form(ctx_, x);
+      equations_.form_and_eliminate(ctx_, x, parts.damping, parts.next_lambda);
+      next_step_ = solver->solve_ahead(ctx_, parts.damping, parts.next_lambda);
+    });
     if (report != nullptr && linearise) note_linearised(x, true);
     return report;
   }
@@ -155,7 +161,7 @@ class levenberg_marquardt {
   }
   /// The normal equations of the current estimate, unless they are there.
   void linearise() {
-    if (linearised_ != at_current) equations_.linearise(ctx_, data_.estimate.current()), formed_ = false;
+    if (linearised_ != at_current) equations_.linearise(ctx_, data_.estimate.current()), formed_ = solved_ = false;
     if (!formed_) equations_.form(ctx_, data_.estimate.current());
     linearised_ = at_current, formed_ = true;
   }
@@ -170,7 +176,7 @@ class levenberg_marquardt {
       ++it.steps, it.lambda = control.lambda;
       double predicted = 0, after = 0;
       bool evaluated = false;
-      const reduced_step step = take_step(solver, control.lambda, more && hopeful_, predicted, after, evaluated);
+      const reduced_step step = take_step(solver, control, cost, more && hopeful_, predicted, after, evaluated);
       it.linear_iterations += step.iterations;
       if (step.solved) {
         factorised = true;
@@ -189,6 +195,7 @@ class levenberg_marquardt {
           cost = after;
           linearised_ = linearised_ == at_trial ? at_current : nowhere;
           formed_ = formed_ && linearised_ == at_current;
+          solved_ = formed_ && next_damping_ == control.lambda;
           summary_.undefined = equations_.undefined();
           data_.estimate.accept();
           ++summary_.accepted;
@@ -206,21 +213,31 @@ class levenberg_marquardt {
   /// Solves for a step with a damping and applies it to the trial estimate. `predicted`: the decrease that the quadratic
   /// model promises, the sum of dx (damping dx + b). `after`: the cost there, if it was `evaluated` on the way.
   /// \param ahead  see evaluate()
-  reduced_step take_step(solver_type& solver, double lambda, bool ahead, double& predicted, double& after,
-                         bool& evaluated) {
-    const damping damping{lambda, options_.damping == damping_rule::diagonal};
+  reduced_step take_step(solver_type& solver, const damping_control& control, double cost, bool ahead,
+                         double& predicted, double& after, bool& evaluated) {
+    const damping damping{control.lambda, options_.damping == damping_rule::diagonal};
     const schur_view<A>& s = equations_.view();
     const Policy& policy = ctx_.policy();
-    launch_eliminate_landmarks<V>(policy, s, damping);
-    reduced_step step = solver.solve(ctx_, damping);
+    reduced_step step = next_step_;
+    if (!solved_) {
+      launch_eliminate_landmarks<V>(policy, s, damping);
+      step = solver.solve(ctx_, damping);
+    }
+    solved_ = false;
     if (!step.solved) return step;
     const auto from = data_.estimate.current(), to = data_.estimate.trial();
     const int frames = data_.structure.frames;
     launch_take_step<V, D>(policy, s, step.step, damping, frames, from, to, gains_);
     const std::size_t n = static_cast<std::size_t>(s.free_frames) * D, triangles = n / D * frame_block<D>::triangle;
-    const step_parts parts{nullptr, 0, gains_, gain_count(), step.step, s.b, s.H, n, step.solved_resident, damping};
-    if (const step_report* report = evaluate_step(to, parts, ahead)) {
-      predicted = report->predicted, after = report->cost, evaluated = true;
+    step_parts parts{nullptr, 0, gains_, gain_count(), step.step, s.b, s.H, n, step.solved_resident, damping};
+    if (ahead && Data::reprojections_only && solver.solves_there()) {
+      parts.next_lambda = next_lambda_, parts.control = control, parts.cost_before = cost;
+      parts.least_predicted = options_.min_predicted_decrease * cost;
+      const bool last = options_.min_relative_decrease > 0 && slow_ + 1 >= options_.slow_iterations;
+      parts.least_decrease = last ? options_.min_relative_decrease * cost : 0;
+    }
+    if (const step_report* report = evaluate_step(to, parts, ahead, &solver)) {
+      predicted = report->predicted, after = report->cost, evaluated = true, next_damping_ = report->lambda;
       step.solved = report->solved != 0;
       return step;
     }
@@ -277,6 +294,11 @@ class levenberg_marquardt {
   normal_equations<Data, G, A> equations_;
   adjustment_summary summary_;
   double* gains_ = nullptr;
+  double* next_lambda_ = nullptr;
+  reduced_step next_step_;     ///< solved for ahead
+  double next_damping_ = NAN;  ///< with this damping, which the policy found
+  bool solved_ = false;        ///< next_step_ is the one that is to be taken
+  int slow_ = 0;               ///< iterations on end that gained little
   enum { nowhere, at_current, at_trial } linearised_ = nowhere;
   bool formed_ = false;  ///< the normal equations are those of the last linearisation
   bool hopeful_ = true;  ///< the last step was accepted, so the next one probably is

@@ -86,10 +86,12 @@ class normal_equations {
 
   /// The same and, where the policy hands over sums, those of a step that led there.
   /// \param parts  of the step; costs are filled in here
-  /// \param ahead  the estimate is likely to be linearised next: that and form() are enqueued before the host waits
+  /// \param ahead  the estimate is likely to be linearised next: that and next() are enqueued before the host waits
+  /// \param next   enqueues form(), or that and more
   /// \return null: the policy does not
-  template <class Policy>
-  const step_report* evaluate_step(context<Policy>& ctx, const estimate_view<Frame>& x, step_parts parts, bool ahead) {
+  template <class Policy, class Next>
+  const step_report* evaluate_step(context<Policy>& ctx, const estimate_view<Frame>& x, step_parts parts, bool ahead,
+                                   Next next) {
     if constexpr (is_host_accessible_v<memory_of_t<Policy>>) {
       return nullptr;
     } else {
@@ -102,7 +104,7 @@ class normal_equations {
         compute_costs(ctx, x);
       launch_sum_step<D>(ctx.policy(), parts, to);
       if (ahead && !Data::reprojections_only) linearise(ctx, x);
-      if (ahead) form(ctx, x);
+      if (ahead) next();
       const step_report& report = wait_for(ctx.policy(), *to);
       undefined_ = static_cast<int>(report.undefined);
       return &report;
@@ -125,13 +127,17 @@ class normal_equations {
   template <class Policy>
   void form(context<Policy>& ctx, const estimate_view<Frame>& x) {
     launch_sum_frames<V, D>(ctx.policy(), s_);
-    s_.positions = x.landmarks, s_.poses = x.poses;
-    if constexpr (from_rows && on_the_host<Policy>)
-      launch_prepare_axes<V>(ctx.policy(), data_.structure.frames, s_.free_of_frame, x.poses,
-                             data_.held.host().empty() ? nullptr : data_.held.data(), axes_, centres_);
-    if constexpr (D <= 32)
-      if (!data_.held.host().empty())
-        launch_hold_unknowns<V, D>(ctx.policy(), s_, data_.held.data(), static_cast<int>(data_.structure.slots()));
+    finish(ctx, x);
+  }
+  /// The same, and eliminates the landmarks with a damping that the policy knows by then. Only where couplings are made of rows,
+  /// and not on the host. \param lambda  see schur_view
+  template <class Policy>
+  void form_and_eliminate(context<Policy>& ctx, const estimate_view<Frame>& x, const damping& damping,
+                          const double* lambda) {
+    s_.positions = x.landmarks, s_.poses = x.poses, s_.lambda = lambda;
+    launch_sum_and_eliminate<V, D>(ctx.policy(), s_, damping);
+    s_.lambda = nullptr;
+    finish(ctx, x);
   }
 
   /// undetermined() and largest_diagonal(), where the policy hands them over. Null: it does not.
@@ -189,6 +195,17 @@ class normal_equations {
   }
 
  private:
+  /// What form() does after the sums.
+  template <class Policy>
+  void finish(context<Policy>& ctx, const estimate_view<Frame>& x) {
+    s_.positions = x.landmarks, s_.poses = x.poses;
+    if constexpr (from_rows && on_the_host<Policy>)
+      launch_prepare_axes<V>(ctx.policy(), data_.structure.frames, s_.free_of_frame, x.poses,
+                             data_.held.host().empty() ? nullptr : data_.held.data(), axes_, centres_);
+    if constexpr (D <= 32)
+      if (!data_.held.host().empty())
+        launch_hold_unknowns<V, D>(ctx.policy(), s_, data_.held.data(), static_cast<int>(data_.structure.slots()));
+  }
   /// n numbers and column_slack more: zeros on the host, whose lanes beyond the last column read them.
   template <class Policy>
   static A* columns(context<Policy>& ctx, std::size_t n) {

@@ -47,8 +47,11 @@ struct schur_view : sum_lists<list_pointer>, block_lists<list_pointer> {
   const double* centres = nullptr;          ///< [free frame] landmark_stride; on the host
   const isometry<double>* poses = nullptr;  ///< [frame] on a device, where the rows were computed
   const std::uint32_t* held = nullptr;      ///< [free frame] on a device; null: none
-  double* H = nullptr;                      ///< [free frame] lower triangle
-  double* b = nullptr;                      ///< [free frame]
+  /// Damping that the policy finds before it is needed (step_sums.hpp), in place of the one that a launcher is given; NaN:
+  /// nothing is to be done. Null: the one that is given. On a device.
+  const double* lambda = nullptr;
+  double* H = nullptr;  ///< [free frame] lower triangle
+  double* b = nullptr;  ///< [free frame]
 
   /// Whether landmark l moves.
   TURBOMAP_HD bool moves(int l) const { return landmark_fixed == nullptr || landmark_fixed[l] == 0; }

@@ -23,8 +23,9 @@ struct dense_equations {
   /// Of frames with more unknowns than landmarks see: room for the matrix in an unknown_order, ordered_room(stride) numbers.
   /// Null: solved in the order that it has.
   double* ordered = nullptr;
-  int frames = 0;  ///< with `ordered`: how many, n / frames unknowns each
-  int seen = 0;    ///< with `ordered`: the first unknowns of each, those that landmarks see
+  int frames = 0;                  ///< with `ordered`: how many, n / frames unknowns each
+  int seen = 0;                    ///< with `ordered`: the first unknowns of each, those that landmarks see
+  const double* lambda = nullptr;  ///< see schur_view: NaN there, and nothing is solved
 
   static constexpr int most_tiles = 32;  ///< in a row of the matrix: bits of a word
   /// Numbers that `ordered` has room for: the matrix, and which of its tiles are not zero.

@@ -21,6 +21,8 @@ template <class Policy>
 class step_solver {
  public:
   virtual reduced_step solve(context<Policy>& ctx, const damping& damping) = 0;
+  virtual bool solves_there() const = 0;
+  virtual reduced_step solve_ahead(context<Policy>& ctx, const damping& damping, const double* lambda) = 0;
 
  protected:
   ~step_solver() = default;
@@ -32,6 +34,10 @@ class step_solver_of final : public step_solver<Policy> {
   template <class... Arguments>
   explicit step_solver_of(Arguments&&... arguments) : solver_(std::forward<Arguments>(arguments)...) {}
   reduced_step solve(context<Policy>& ctx, const damping& damping) override { return solver_.solve(ctx, damping); }
+  bool solves_there() const override { return solver_.solves_there(); }
+  reduced_step solve_ahead(context<Policy>& ctx, const damping& damping, const double* lambda) override {
+    return solver_.solve_ahead(ctx, damping, lambda);
+  }
 
  private:
   Solver solver_;

@@ -7,6 +7,7 @@
 /// whose memory the host does not read may sum both where they are, and hand over these few numbers; then the host enqueues
 /// what most likely comes next before it waits for them.
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -22,6 +23,7 @@ struct step_report {
   double undefined;  ///< observations without a projection there
   double predicted;  ///< the decrease that the quadratic model promises
   double solved;     ///< 0: the system had no solution, and the other numbers mean nothing
+  double lambda;     ///< of the next step, if the policy was asked for it; NaN: none follows
 };
 
 /// What it is summed from, in the memory of the policy.
@@ -36,7 +38,21 @@ struct step_parts {
   std::size_t unknowns = 0;        ///< of the free frames
   const double* solved = nullptr;  ///< null: it was
   turbomap::damping damping{0};    ///< of the step
+  // For a step that is solved for before the host has judged this one:
+  double* next_lambda = nullptr;  ///< where the policy writes damping_after(); null: it is not asked for
+  damping_control control{};      ///< before this step
+  double cost_before = 0;         ///< of the current estimate
+  double least_predicted = 0;     ///< the host looks closer where no more was predicted
+  double least_decrease = 0;      ///< the host ends the adjustment where this step gains less
 };
+
+/// The damping of the step after the one that was summed, by the rule of the host; NaN: it will be refused, or none follows.
+TURBOMAP_HD inline double damping_after(const step_parts& s, double cost, double predicted, double solved) {
+  damping_control control = s.control;
+  const bool goes_on = solved != 0 && predicted > s.least_predicted &&
+                       control.accepts(s.cost_before, cost, predicted) && !(s.cost_before - cost < s.least_decrease);
+  return goes_on ? control.lambda : NAN;
+}
 
 /// Of the normal equations of the first linearisation.
 struct survey_report {

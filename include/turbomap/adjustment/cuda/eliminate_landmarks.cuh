@@ -5,6 +5,7 @@
 /// \file
 /// launch_eliminate_landmarks() under a CUDA policy: a few lanes per landmark instead of one thread. They share the rows of
 /// the landmark, add their sums up in a fixed order, factorise the same block each, and take the couplings through it in turn.
+/// launch_sum_and_eliminate() has further blocks that sum the frames, which landmarks need not wait for.
 
 #include <cstddef>
 
@@ -12,6 +13,7 @@
 #include "../../cuda/warp.cuh"
 #include "../../parallel.hpp"
 #include "../eliminate_landmarks.hpp"
+#include "../frame_sums.hpp"
 #include "tuning.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -59,12 +61,12 @@ __device__ inline void couple_slot(const schur_view<A>& s, int l, int slot, pack
   }
 }
 
+/// The landmark of a group of lanes. \param thread  number among the threads of all landmarks
 template <class A, int V>
-__global__ void __launch_bounds__(landmark_tuning::threads) eliminate_landmarks_kernel(eliminate_landmarks<A, V> work) {
+__device__ inline void eliminate_by_group(const eliminate_landmarks<A, V>& work, int thread) {
   constexpr int lanes = landmark_tuning::lanes;
   const schur_view<A>& s = work.s;
-  const int thread = static_cast<int>(threadIdx.x), lane = thread % lanes;
-  const int l = static_cast<int>(blockIdx.x) * landmark_tuning::landmarks + thread / lanes;
+  const int lane = thread % lanes, l = thread / lanes;
   double h[9];
   sum_rows_of_group<lanes>(s, l, lane, h);
   if (l >= s.landmarks) return;
@@ -81,6 +83,24 @@ __global__ void __launch_bounds__(landmark_tuning::threads) eliminate_landmarks_
     }
 }
 
+template <class A, int V>
+__global__ void __launch_bounds__(landmark_tuning::threads) eliminate_landmarks_kernel(eliminate_landmarks<A, V> work) {
+  if (work.s.lambda != nullptr) work.damping.lambda = *work.s.lambda;
+  if (isnan(work.damping.lambda)) return;
+  eliminate_by_group(work, static_cast<int>(blockIdx.x) * landmark_tuning::threads + static_cast<int>(threadIdx.x));
+}
+
+/// The blocks of frames, then those of landmarks, which need the damping.
+template <class A, int V, int D>
+__global__ void __launch_bounds__(warp_size* sum_frames_tuning::warps)
+    sum_and_eliminate_kernel(eliminate_landmarks<A, V> work) {
+  const int block = static_cast<int>(blockIdx.x) - work.s.free_frames;
+  if (block < 0) return sum_frame<A, V, D>(work.s, static_cast<int>(blockIdx.x));
+  if (work.s.lambda != nullptr) work.damping.lambda = *work.s.lambda;
+  if (isnan(work.damping.lambda)) return;
+  eliminate_by_group(work, block * warp_size * sum_frames_tuning::warps + static_cast<int>(threadIdx.x));
+}
+
 template <int V, class Derived, class A>
 void launch_eliminate_landmarks(const thrust::cuda_cub::execution_policy<Derived>& policy, const schur_view<A>& s,
                                 const damping& damping) {
@@ -88,6 +108,20 @@ void launch_eliminate_landmarks(const thrust::cuda_cub::execution_policy<Derived
   launch_kernel(policy, "launch of eliminate_landmarks", eliminate_landmarks_kernel<A, V>,
                 (s.landmarks + landmarks - 1) / landmarks, landmark_tuning::threads,
                 eliminate_landmarks<A, V>{s, damping});
+}
+
+template <int V, int D, class Derived, class A>
+void launch_sum_and_eliminate(const thrust::cuda_cub::execution_policy<Derived>& policy, const schur_view<A>& s,
+                              const damping& damping) {
+  constexpr int threads = warp_size * sum_frames_tuning::warps, landmarks = threads / landmark_tuning::lanes;
+  if constexpr (sizeof(double) * sum_frames_tuning::warps * frame_block<D>::partial > shared_memory_bytes) {
+    launch_sum_frames<V, D>(policy, s);
+    launch_eliminate_landmarks<V>(policy, s, damping);
+  } else {
+    launch_kernel(policy, "launch of sum_and_eliminate", sum_and_eliminate_kernel<A, V, D>,
+                  s.free_frames + (s.landmarks + landmarks - 1) / landmarks, threads,
+                  eliminate_landmarks<A, V>{s, damping});
+  }
 }
 
 TURBOMAP_END_NAMESPACE

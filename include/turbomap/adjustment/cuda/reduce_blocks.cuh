@@ -124,6 +124,8 @@ __device__ inline void reduce_other_block(const schur_view<A>& s, const reduced_
 template <class A, int V, int D>
 __global__ void __launch_bounds__(warp_size* reduce_blocks_tuning::warps)
     reduce_blocks_kernel(schur_view<A> s, reduced_layout out, damping damping) {
+  if (s.lambda != nullptr) damping.lambda = *s.lambda;
+  if (isnan(damping.lambda)) return;
   const int task = static_cast<int>(blockIdx.x);  // diagonal blocks have the longest lists: they start first
   if (task < s.free_frames)
     detail::reduce_diagonal_block<A, V, D>(s, out, damping, task);

@@ -18,13 +18,14 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// Frame f, by a block.
 template <class A, int V, int D>
-__global__ void __launch_bounds__(warp_size* sum_frames_tuning::warps) sum_frames_kernel(schur_view<A> s) {
+__device__ inline void sum_frame(const schur_view<A>& s, int f) {
   using chunk = landmark_block<V>;
   using whole = frame_block<D>;
   constexpr int warps = sum_frames_tuning::warps, per_lane = (whole::partial + 31) / 32;
   __shared__ double of_warp[warps][whole::partial];
-  const int f = static_cast<int>(blockIdx.x), lane = static_cast<int>(threadIdx.x) % 32;
+  const int lane = static_cast<int>(threadIdx.x) % 32;
   const int warp = static_cast<int>(threadIdx.x) / 32;
 
   double total[per_lane] = {};
@@ -56,6 +57,11 @@ __global__ void __launch_bounds__(warp_size* sum_frames_tuning::warps) sum_frame
     else
       s.b[static_cast<std::ptrdiff_t>(f) * D + i - whole::triangle] = sum;
   }
+}
+
+template <class A, int V, int D>
+__global__ void __launch_bounds__(warp_size* sum_frames_tuning::warps) sum_frames_kernel(schur_view<A> s) {
+  sum_frame<A, V, D>(s, static_cast<int>(blockIdx.x));
 }
 
 template <int V, int D, class Derived, class A>

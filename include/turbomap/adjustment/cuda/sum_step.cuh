@@ -65,7 +65,10 @@ __global__ void __launch_bounds__(sum_step_tuning::threads) sum_step_kernel(step
   double sum[size] = {};
   for (int w = 0; w < warps; ++w)
     for (int i = 0; i < size; ++i) sum[i] += of_warp[w][i];
-  detail::hand_over(step_report{sum[0], sum[1], sum[2], s.solved == nullptr ? 1 : *s.solved}, to);
+  step_report report{sum[0], sum[1], sum[2], s.solved == nullptr ? 1 : *s.solved, NAN};
+  if (s.next_lambda != nullptr)
+    *s.next_lambda = report.lambda = damping_after(s, report.cost, report.predicted, report.solved);
+  detail::hand_over(report, to);
 }
 
 template <int D>

@@ -22,9 +22,10 @@ struct observation_shape<device_memory> {
   static constexpr int chunk = observation_padding;  ///< observations of a chunk
 };
 
-/// launch_sum_frames: one block per frame. Its warps take the partial sums of the frame in turn, a lane one element of each.
+/// launch_sum_frames, launch_sum_and_eliminate: one block per frame. Its warps take the partial sums of the frame in turn, a lane
+/// one element of each; a block of that size has the landmarks of two of landmark_tuning.
 struct sum_frames_tuning {
-  static constexpr int warps = 16;  ///< per block
+  static constexpr int warps = 8;  ///< per block
 };
 
 /// launch_linearise_reprojections, launch_sum_reprojection_cost: a lane per observation of a chunk.
