@@ -48,7 +48,7 @@ class block_sender {
   /// Sends what was put since the last time.
   void send() {
     if (!staged_ || end_ <= begin_) return;
-    copy_in(ctx_.policy(), block_.resident + begin_, block_.host + begin_, end_ - begin_);
+    ctx_.send({block_.host + begin_, block_.resident + begin_}, end_ - begin_);
     begin_ = end_;
   }
 

@@ -60,9 +60,9 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
     for (std::size_t i = 0; !all_have_right && i < g.stereo.size(); ++i)
       require(g.stereo[i] == 0 || g.rig[g.camera.empty() ? 0 : g.camera[i]].bf > 0, "stereo", i,
               "is a row whose camera has no right image (bf = 0)");
-    bool negative = false;  // no branches in the loop
-    for (std::size_t i = 0; i < n; ++i) negative |= g.information[i] < 0;
-    for (std::size_t i = 0; negative && i < n; ++i)
+    std::uint64_t negative = 0;  // no branches in the loop
+    for (std::size_t i = 0; i < n; ++i) negative |= g.information[i] < 0 ? 1U : 0U;
+    for (std::size_t i = 0; negative != 0 && i < n; ++i)
       require(!(g.information[i] < 0), "information", g.information[i], "must not be negative");
   }
   static bool all_finite(const group_type& g) {

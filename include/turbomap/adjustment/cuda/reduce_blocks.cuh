@@ -53,11 +53,16 @@ __device__ inline void reduce_diagonal_block(const schur_view<A>& s, const reduc
   __shared__ double of_warp[reduce_blocks_tuning::warps][size];
   const int thread = static_cast<int>(threadIdx.x);
   A sum[size] = {};
-  for (int k = s.frame_slot[f] + thread; k < s.frame_slot[f + 1]; k += threads) {
-    const int slot = s.slot_list[k];
+  const int end = s.frame_slot[f + 1];
+  int k = s.frame_slot[f] + thread;
+  int next = k < end ? s.slot_list[k] : 0, next_landmark = k < end ? s.slot_landmark[next] : 0;
+  while (k < end) {
+    const int slot = next;
+    const eliminated_landmark& e = s.landmark[next_landmark];
+    k += threads;
+    if (k < end) next = s.slot_list[k], next_landmark = s.slot_landmark[next];  // while this one's columns come
     A z[3 * V];
     load_numbers(s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V, z);
-    const eliminated_landmark& e = s.landmark[s.slot_landmark[slot]];
 #pragma unroll
     for (int m = 0; m < 3; ++m) {
       const A c = static_cast<A>(e.c[m]);
@@ -92,8 +97,13 @@ __device__ inline void reduce_other_block(const schur_view<A>& s, const reduced_
   __shared__ double of_warp[reduce_blocks_tuning::warps][V * V];
   const int thread = static_cast<int>(threadIdx.x);
   A sum[V * V] = {};
-  for (int k = s.block_pair[b] + thread; k < s.block_pair[b + 1]; k += threads) {
-    const slot_pair pair = s.pairs[k];
+  const int end = s.block_pair[b + 1];
+  int k = s.block_pair[b] + thread;
+  slot_pair next = k < end ? s.pairs[k] : slot_pair{};
+  while (k < end) {
+    const slot_pair pair = next;
+    k += threads;
+    if (k < end) next = s.pairs[k];  // while this one's columns come
     A first[3 * V], second[3 * V];
     load_numbers(s.eliminated + static_cast<std::ptrdiff_t>(pair.first) * 3 * V, first);
     load_numbers(s.eliminated + static_cast<std::ptrdiff_t>(pair.second) * 3 * V, second);
