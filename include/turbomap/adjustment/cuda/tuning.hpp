@@ -23,9 +23,9 @@ struct observation_shape<device_memory> {
 };
 
 /// launch_sum_frames, launch_sum_and_eliminate: one block per frame. Its warps take the partial sums of the frame in turn, a lane
-/// one element of each; a block of that size has the landmarks of two of landmark_tuning.
+/// one element of each; a block of that size has the landmarks of four of landmark_tuning.
 struct sum_frames_tuning {
-  static constexpr int warps = 8;  ///< per block
+  static constexpr int warps = 16;  ///< per block
 };
 
 /// launch_linearise_reprojections, launch_sum_reprojection_cost: a lane per observation of a chunk.
