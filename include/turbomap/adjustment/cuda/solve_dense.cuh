@@ -225,8 +225,8 @@ __global__ void __launch_bounds__(Tuning::threads) solve_dense_kernel(dense_equa
   constexpr int width = detail::tile_width, warps = Tuning::threads / warp_size;
   extern __shared__ double solve_dense_memory[];
   __shared__ int good;
-  if (s.lambda != nullptr && isnan(*s.lambda)) return;
   __shared__ detail::tile_lists lists;
+  if (s.lambda != nullptr && isnan(*s.lambda)) return;
   const int* filled = nullptr;
   if (s.ordered != nullptr) {
     s.S = s.ordered;
