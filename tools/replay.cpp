@@ -212,6 +212,7 @@ int main(int argc, char** argv) try {
   app.add_option("--trajectory", a.trajectory, "write the keyframes' body poses to this file (TUM format)");
   app.add_option("--ply", a.ply, "write points and trajectory to this file (PLY: MeshLab, CloudCompare, rerun)");
   app.add_flag("!--no-bound", a.bound, "simulated recordings: leave out the adjustment of all true observations");
+  app.add_flag("--merge-causes", a.merge_causes, "count why points had to be merged, and write it to the JSON");
   app.add_flag("--error-parts", a.error_parts,
                "simulated recordings: adjust what the map has, the right part of it, and what it lacks, and write the "
                "errors to the JSON");

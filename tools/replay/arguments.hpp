@@ -39,6 +39,7 @@ struct arguments {
   std::vector<std::string> beside;              ///< more policies that the recording is replayed under
   bool bound = true;                 ///< of a simulated recording: the error of the batch adjustment is computed
   bool error_parts = false;          ///< ... and what the error of the map comes from
+  bool merge_causes = false;         ///< why points had to be merged is counted. Replay mode
   bool gather_observations = false;  ///< replay_result::observations is filled
   bool quiet = false;                ///< of the replays beside the first: nothing is printed, no trajectory judged
   bool check = false;

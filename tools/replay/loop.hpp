@@ -21,6 +21,7 @@
 #include "local_map_search.hpp"
 #include "map_digest.hpp"
 #include "match_judge.hpp"
+#include "merge_causes.hpp"
 #include "points_judge.hpp"
 #include "progress.hpp"
 #include "recorded_keyframes.hpp"
@@ -64,6 +65,7 @@ struct replay_result {
   match_verdict matches;
   map_observations observations;  ///< with gather_observations
   points_verdict true_points;     ///< of a simulated recording
+  merge_counts merges;            ///< with --merge-causes
   turbomap::keyframe_store_statistics store;
   nlohmann::json imu;  ///< what became of it; null: not used
 };
@@ -178,6 +180,7 @@ class replayer {
     result_.map_digest = map_digest(map);
     result_.matches = judge_.verdict();
     if (recording_.is_simulated()) result_.true_points = points_.verdict(map);
+    result_.merges = merges_.counts();
     if (arguments_.gather_observations) result_.observations = gather_map_observations(map);
     result_.store = store_.statistics();
     result_.imu = imu_.json();
@@ -207,6 +210,7 @@ class replayer {
     mapper_.watch(world_.create(i));
     world_.count_tracking(i);
     row.insertion_ms = now_ms() - begin;
+    if (arguments_.merge_causes) merges_.begin(world_.map());
     row.report = mapper_.process(current);
     row.total_ms = row.insertion_ms;
     for (const double ms : row.report.ms.values) row.total_ms += ms;
@@ -294,12 +298,20 @@ class replayer {
         const auto next = static_cast<std::size_t>(query_) + 1;
         return next < recording_.keyframe_count() && arrival_ms(query_ + 1) <= clock_ms_ + (now_ms() - began_);
       };
-    if (recording_.is_simulated() || arguments_.check)
+    if (recording_.is_simulated() || arguments_.check || arguments_.merge_causes)
       hooks.stage_done = [this](turbomap::mapping_stage stage, const turbomap::mapping_report&) {
-        if (stage == turbomap::mapping_stage::search) judge();
+        if (stage == turbomap::mapping_stage::search && (recording_.is_simulated() || arguments_.check)) judge();
         if (recording_.is_simulated()) points_.stage_done(world_.map(), world_.id(query_), stage);
+        if (arguments_.merge_causes) merges_.stage_done(world_.map(), stage, searched());
       };
     return hooks;
+  }
+  /// The query of the last search, and its neighbours.
+  std::vector<keyframe> searched() const {
+    std::vector<keyframe> keyframes;
+    for (const std::uint64_t id : mapper_.last_search().selection().ids())
+      keyframes.push_back(world_.id(static_cast<std::int32_t>(id)));
+    return keyframes;
   }
   void judge() {
     std::vector<std::int32_t> keyframes;
@@ -318,6 +330,7 @@ class replayer {
   local_map_search<map_type, Policy> local_map_;
   match_judge<typename mapper_type::stage_map, Policy> judge_;
   points_judge<map_type> points_;
+  merge_causes<map_type> merges_;
   imu_type imu_;
   mapper_type mapper_;
   replay_result result_;

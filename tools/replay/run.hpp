@@ -197,6 +197,7 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
     o.json["associations_projected_right"] = result.projected_right;
     o.json["associations_projected_kept_right"] = result.projected_kept_right;
   }
+  if (arguments.merge_causes) o.json["merge_causes"] = result.merges.json();
   if (!result.global.ms.empty()) {
     const auto& last = result.global.last;
     o.json["global_adjustment"] = {
