@@ -113,6 +113,7 @@ class local_mapper {
                   "turbomap: a map that is mirrored cannot be adjusted with its IMU yet; see docs/inertial.md");
     require(options.deadline_ms >= 0, "options.deadline_ms", options.deadline_ms, "must not be negative");
     require(options.checked_share >= 0, "options.checked_share", options.checked_share, "must not be negative");
+    require(options.extra_rounds >= 0, "options.extra_rounds", options.extra_rounds, "must not be negative");
     require(options.most_views >= 0, "options.most_views", options.most_views, "must not be negative");
     require(options.neighbours.stereo_baseline >= 0, "options.neighbours.stereo_baseline",
             options.neighbours.stereo_baseline, "must not be negative");
@@ -197,6 +198,7 @@ class local_mapper {
     stage(mapping_stage::creation, k, &local_mapper::create);
     stage(mapping_stage::fusion, k, &local_mapper::fuse);
     stage(mapping_stage::adjustment, k, &local_mapper::adjust);
+    repeat_fusion(k);
     stage(mapping_stage::keyframe_culling, k, &local_mapper::cull);
     search_.release();
     update_due(due_stage());
@@ -388,9 +390,7 @@ class local_mapper {
   void stage(mapping_stage s, stage_keyframe current, stage_function run) {
     stage_outcome& outcome = report_.outcome[s];
     if (!options_.enabled[s] || (s == mapping_stage::adjustment && !adjusts && !hooks_.adjust)) return;
-    const bool waits = s >= mapping_stage::fusion && hooks_.keyframes_wait && hooks_.keyframes_wait();
-    stopped_ = stopped_ || (hooks_.stop && hooks_.stop());
-    if (waits || stopped_) {
+    if (must_skip(s)) {
       outcome = stage_outcome::skipped;
       return;
     }
@@ -398,14 +398,37 @@ class local_mapper {
       outcome = stage_outcome::refused;
       return;
     }
+    run_stage(s, current, run);
+  }
+  bool must_skip(mapping_stage s) {
+    const bool waits = s >= mapping_stage::fusion && hooks_.keyframes_wait && hooks_.keyframes_wait();
+    stopped_ = stopped_ || (hooks_.stop && hooks_.stop());
+    return waits || stopped_;
+  }
+  void run_stage(mapping_stage s, stage_keyframe current, stage_function run) {
     const named_range range(to_string(s));
     const double begin = budget_.elapsed_ms();
     cut_ = false;
     (this->*run)(current, scope_of(s));
-    outcome = cut_ ? stage_outcome::cut : stage_outcome::done;
+    report_.outcome[s] = cut_ ? stage_outcome::cut : stage_outcome::done;
     report_.cut = report_.cut || cut_;
-    report_.ms[s] = budget_.elapsed_ms() - begin;
+    report_.ms[s] += budget_.elapsed_ms() - begin;
     if (hooks_.stage_done) hooks_.stage_done(s, report_);
+  }
+
+  /// Adjustment has moved the keyframe: links that its pose hid are found now, and move it on.
+  void repeat_fusion(stage_keyframe current) {
+    const auto is_done = [&](mapping_stage s) { return report_.outcome[s] == stage_outcome::done; };
+    for (int round = 0; round < options_.extra_rounds; ++round) {
+      if (!is_done(mapping_stage::fusion) || !is_done(mapping_stage::adjustment)) return;
+      if (must_skip(mapping_stage::fusion)) return;
+      update_due(mapping_stage::adjustment);  // fusion reads it
+      const std::size_t links = report_.fused.observations_added + report_.fused.merged;
+      run_stage(mapping_stage::fusion, current, &local_mapper::fuse);
+      if (report_.fused.observations_added + report_.fused.merged == links) return;
+      if (must_skip(mapping_stage::adjustment)) return;
+      run_stage(mapping_stage::adjustment, current, &local_mapper::adjust);
+    }
   }
 
   /// Runs a piece of work and notes what it took.

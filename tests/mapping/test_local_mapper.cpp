@@ -342,6 +342,45 @@ TEST_CASE("a hook adjusts in place of the mapper's own stage") {
   CHECK(run.mapper.report().adjustment.observations == 0);
 }
 
+TEST_CASE("fusion and adjustment are repeated while fusion finds something") {
+  int most_lost = 0, adjusted = 0, before_waiting = 1000;
+  std::vector<mapping_stage> done;
+  turbomap::local_mapper_hooks<flat_map> hooks;
+  hooks.keyframes_wait = [&] { return adjusted >= before_waiting; };
+  // Loses a link of the keyframe that others know, as a pose does that hides it.
+  hooks.adjust = [&](flat_map& map, turbomap::map_keyframe_id k, double) {
+    if (adjusted++ >= most_lost) return;
+    for (std::size_t i = 0; i < flat_traits::keypoint_count(map, k); ++i) {
+      const auto p = flat_traits::point_at(map, k, i);
+      if (p == turbomap::map_point_id{} || map.observations(p).size() < 5) continue;
+      turbomap::forget(map, k, i);
+      return;
+    }
+  };
+  hooks.stage_done = [&](mapping_stage s, const turbomap::mapping_report&) {
+    if (s == mapping_stage::fusion) done.clear();
+    done.push_back(s);
+  };
+  auto options = stereo_case().options;
+  options.extra_rounds = 2;
+  stereo_run<> r(options, hooks);
+  const auto adjustments = [&](int lost) {
+    most_lost = lost, adjusted = 0;
+    const auto& report = r.run.step();
+    CHECK(r.sound());
+    for (const auto s : {mapping_stage::fusion, mapping_stage::adjustment})
+      CHECK(report.outcome[s] == stage_outcome::done);
+    return adjusted;
+  };
+  for (int n = 0; n < 5; ++n) adjustments(0);
+  CHECK(adjustments(0) == 1);  // the second fusion finds nothing
+  CHECK(done == std::vector<mapping_stage>{mapping_stage::fusion, mapping_stage::keyframe_culling});
+  CHECK(adjustments(1) == 2);
+  CHECK(adjustments(9) == 3);  // as often as the options say
+  before_waiting = 1;
+  CHECK(adjustments(9) == 1);  // the next keyframe has come: what was done is told as done
+}
+
 TEST_CASE("stop ends the iteration before the stage that asks, whatever it says later") {
   for (std::size_t at = 0; at < all_stages.size(); ++at) {
     CAPTURE(at);
@@ -733,6 +772,7 @@ TEST_CASE("bad options are refused when the mapper is made") {
   refuses([](auto& o) { o.most_views = -1; });
   refuses([](auto& o) { o.checked_share = -0.01; });
   refuses([](auto& o) { o.checked_share = nan; });
+  refuses([](auto& o) { o.extra_rounds = -1; });
 }
 
 TEST_CASE("keyframes of the map that are not in the store are left out") {

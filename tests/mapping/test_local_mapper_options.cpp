@@ -44,6 +44,16 @@ TEST_CASE("accurate: gates of 99.9 %, outliers of stereo beyond; the window hold
   CHECK(o.adjustment.outlier_factor * o.adjustment.stereo_chi2 == doctest::Approx(18.02).epsilon(1e-3));
 }
 
+TEST_CASE("accurate: links are looked for again, and scales that hang on few points are adjusted to the end") {
+  const auto o = local_mapper_options::monocular().accurate();
+  CHECK(local_mapper_options().extra_rounds == 0);
+  CHECK(o.extra_rounds == 2);
+  CHECK(local_mapper_options().adjustment.solve.damping == turbomap::damping_rule::identity);
+  CHECK(o.adjustment.solve.damping == turbomap::damping_rule::diagonal);
+  CHECK(o.adjustment.solve.max_iterations == 20);
+  CHECK(o.adjustment.solve.min_relative_decrease == 1e-5);
+}
+
 TEST_CASE("accurate: no keyframe is culled, and points are not taken as exact") {
   const auto o = local_mapper_options::monocular().accurate();
   for (std::size_t s = 0; s < turbomap::mapping_stages; ++s)

@@ -73,7 +73,10 @@ class points_judge {
       judge_created(map, current);
       remember_points(map);
     }
-    if (stage == mapping_stage::fusion) judge_merged(map);
+    if (stage == mapping_stage::fusion) {
+      judge_merged(map);
+      remember_points(map);  // it may be repeated
+    }
   }
   points_verdict verdict(const Map& map) const {
     points_verdict v = verdict_;

@@ -32,6 +32,10 @@ struct local_mapper_options {
   /// mapping_report::refused, and the work is done without it.
   bool strict = false;
   int most_views = appearance_options{}.most_views;  ///< of a point, for its descriptor and normal; 0: all [ORB-SLAM3]
+  /// Fusion and adjustment of a keyframe are repeated so often at most, while fusion finds something: where few points link a
+  /// keyframe to the map, the pose that it comes with hides most links, and adjustment follows the few that are left.
+  /// 0: once each [ORB-SLAM3]. Ours.
+  int extra_rounds = 0;
   neighbour_search_options neighbours;        ///< fusion and culling choose their keyframes by its `neighbourhood` too
   search_options search;                      ///< of the correspondence search.
   creation_options creation;                  ///< of new points.
@@ -77,7 +81,7 @@ struct local_mapper_options {
     return o;
   }
   /// These options changed for trajectories as exact as the observations allow: `local_mapper_options::stereo(...).accurate()`. Hardly
-  /// any true observation is lost, to gates (99.9 % instead of 95 %), to octaves that were detected one off, or with redundant
+  /// any true observation is lost, to gates (99.9 % instead of 95 %), to octaves that were detected one off, to poses that hide them, or with redundant
   /// keyframes; no keyframe is culled, so that time and memory grow with the map. For few wrong associations, and errors of pixels
   /// no larger than 1 px at octave 0. Meant to end with adjust_globally() and rounds of fuse_around(). What each part gains, and
   /// costs: docs/evaluation.md. Ours.
@@ -94,6 +98,11 @@ struct local_mapper_options {
     o.fusion.search.radius = 4;
     o.fusion.search.finer_octaves = 2;  // a point's own octave and a keypoint's may each be one off
     o.fusion.search.coarser_octaves = 1;
+    // A scale that hangs on few points is a direction of little curvature: lambda I holds it, and so do few steps.
+    o.adjustment.solve.damping = damping_rule::diagonal;
+    o.adjustment.solve.max_iterations = 20;
+    o.adjustment.solve.min_relative_decrease = 1e-5;
+    o.extra_rounds = 2;
     o.adjustment.outlier_factor = mono_chi2 / o.adjustment.mono_chi2;  // of stereo, too: 18.02, which is 99.96 %
     o.enabled[mapping_stage::keyframe_culling] = false;
     return o;
