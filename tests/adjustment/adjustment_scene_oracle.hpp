@@ -15,62 +15,39 @@
 #include "adjustment_cases.hpp"
 #include "reference/adjustment_oracle.hpp"
 #include "reference/eigen.hpp"
+#include "reference/reprojection_oracle.hpp"
 
 namespace turbomap_test {
 
-inline oracle_frame frame_of(const rigid_transform<double>& T) {
-  const Eigen::Quaterniond q(T.qw, T.qx, T.qy, T.qz);
-  return {q.normalized().toRotationMatrix(), {T.tx, T.ty, T.tz}, Eigen::VectorXd(0)};
-}
-
-inline void huber_of(double delta2, double chi2, double& rho, double& weight) {
-  const double e = std::sqrt(chi2), delta = std::sqrt(delta2);
-  rho = e <= delta ? chi2 : 2 * delta * e - delta2;
-  weight = e <= delta ? 1 : delta / e;
+/// The cameras for the oracle.
+inline std::vector<cost_camera> cost_rig_of(const adjustment_scene& s) {
+  std::vector<cost_camera> rig;
+  for (const auto& c : s.rig) {
+    cost_camera camera;
+    if (const auto* curved = c.camera.get_if<turbomap::kannala_brandt<double>>())
+      camera = {curved->fx, curved->fy, curved->cx, curved->cy, {curved->k1, curved->k2, curved->k3, curved->k4}, true};
+    else if (const auto* straight = c.camera.get_if<turbomap::pinhole<double>>())
+      camera = {straight->fx, straight->fy, straight->cx, straight->cy};
+    camera.bf = c.bf;
+    rotation_matrix(c.T_camera_body, camera.R);
+    camera.t[0] = c.T_camera_body.tx, camera.t[1] = c.T_camera_body.ty, camera.t[2] = c.T_camera_body.tz;
+    rig.push_back(camera);
+  }
+  return rig;
 }
 
 /// The same problem for the oracle, with formulas of its own.
 inline oracle_problem oracle_of(const adjustment_scene& s) {
+  const auto rig = cost_rig_of(s);
   oracle_problem o;
   for (const auto& T : s.poses) o.frames.push_back(frame_of(T));
   for (const auto f : s.fixed) o.frame_fixed.push_back(f != 0);
   for (const auto& p : s.points) o.landmarks.emplace_back(p.x, p.y, p.z);
   o.landmark_fixed.assign(s.points.size(), false);
   for (std::size_t i = 0; i < s.frame.size(); ++i) {
-    const auto& c = s.rig[s.camera[i]];
-    const oracle_frame mount = frame_of(c.T_camera_body);
-    const vec3<double> z = s.pixel[i];
-    const double sigma = std::sqrt(s.information[i]), bf = c.bf;
-    const bool stereo = z.z >= 0 && bf > 0;
-    const auto* curved = c.camera.get_if<turbomap::kannala_brandt<double>>();
-    const auto* straight = c.camera.get_if<turbomap::pinhole<double>>();
-    const double K[8] = {curved ? curved->fx : straight->fx,
-                         curved ? curved->fy : straight->fy,
-                         curved ? curved->cx : straight->cx,
-                         curved ? curved->cy : straight->cy,
-                         curved ? curved->k1 : 0,
-                         curved ? curved->k2 : 0,
-                         curved ? curved->k3 : 0,
-                         curved ? curved->k4 : 0};
-    const std::vector<double> k(K, K + 8);
-    const bool is_curved = curved != nullptr;
-    oracle_block b;
-    b.frame = s.frame[i], b.landmark = s.landmark[i];
-    b.e = [=](const oracle_frame& f, const oracle_frame&, const Eigen::Vector3d& X) {
-      const Eigen::Vector3d p = mount.R * (f.R * X + f.t) + mount.t;
-      double x = p.x() / p.z(), y = p.y() / p.z();
-      if (is_curved) {
-        const double r = std::hypot(p.x(), p.y()), a = std::atan2(r, p.z()), q = a * a;
-        const double d = a * (1 + q * (k[4] + q * (k[5] + q * (k[6] + q * k[7]))));
-        x = d * p.x() / r, y = d * p.y() / r;
-      }
-      Eigen::VectorXd e(stereo ? 3 : 2);
-      e[0] = k[0] * x + k[2] - z.x, e[1] = k[1] * y + k[3] - z.y;
-      if (stereo) e[2] = k[0] * x + k[2] - bf / p.z() - z.z;
-      return Eigen::VectorXd(sigma * e);
-    };
-    b.kernel = [=](double chi2, double& rho, double& weight) { huber_of(stereo ? 7.815 : 5.991, chi2, rho, weight); };
-    o.blocks.push_back(b);
+    const bool stereo = s.pixel[i].z >= 0 && rig[s.camera[i]].bf > 0;
+    o.blocks.push_back(
+        reprojection_block(s.frame[i], s.landmark[i], rig[s.camera[i]], {s.pixel[i], s.information[i], stereo}));
   }
   return o;
 }

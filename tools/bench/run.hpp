@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// One run of turbomap-bench under each policy: every stage on a recording that the caller simulated, or the searches on one that was
+/// One run of turbomap-bench under each policy: every stage on a recording that the caller simulated, or the snapshots of one that was
 /// recorded.
 
 #include "recorded_stages.hpp"

@@ -16,6 +16,7 @@
 
 #include <doctest/doctest.h>
 
+#include "reference/recorded_cost_rig.hpp"
 #include "reference/reprojection_cost.hpp"
 #include "support/policies.hpp"
 #include "support/support.hpp"
@@ -24,26 +25,6 @@
 namespace {
 
 using namespace turbomap_test;
-
-std::vector<cost_camera> rig_of(const turbomap::recording_meta& m) {
-  const auto camera = [&](const std::vector<double>& p) {
-    cost_camera c;
-    c.fx = p[0], c.fy = p[1], c.cx = p[2], c.cy = p[3];
-    c.fisheye = m.is_fisheye();
-    for (std::size_t i = 4; i < p.size(); ++i) c.k[i - 4] = p[i];
-    return c;
-  };
-  std::vector<cost_camera> rig{camera(m.camera1)};
-  if (m.camera2.empty()) {
-    rig[0].bf = m.bf;
-    return rig;
-  }
-  rig.push_back(camera(m.camera2));
-  const auto T = turbomap::cast<double>(m.T_rl);
-  rotation_matrix(T, rig[1].R);
-  rig[1].t[0] = T.tx, rig[1].t[1] = T.ty, rig[1].t[2] = T.tz;
-  return rig;
-}
 
 double huber_sum(const std::vector<observation_cost>& costs) {
   double sum = 0;
@@ -56,7 +37,7 @@ TEST_CASE("recorded costs and outliers are those of the recorded poses and point
     const auto directory = data(std::string("recordings/") + name);
     if (!directory) return;
     const auto r = turbomap::read_recording(*directory);
-    const auto rig = rig_of(r.meta);
+    const auto rig = recorded_cost_rig(r.meta);
     int visual = 0;
     for (const auto iteration : r.meta.snapshots) {
       CAPTURE(std::string(name));
