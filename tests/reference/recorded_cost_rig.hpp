@@ -9,6 +9,7 @@
 #include <vector>
 
 #include <turbomap/io/recording.hpp>
+#include <turbomap/math/linear.hpp>
 
 #include "reprojection_cost.hpp"
 
