@@ -8,6 +8,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <cstring>
 
 #include "../config.hpp"
 #include "../context.hpp"
@@ -55,12 +56,15 @@ struct ordered_search {
     bool collected = false, straight = false;
   };
   static_assert(chunk_size == ray_batch::size);
-  /// Candidates of one query whose intervals meet: places in the table.
+  /// Pairs of a query and a candidate whose intervals meet.
   struct near_list {
-    static constexpr int piece = 128;  ///< candidates looked at between two looks at the room that is left
-    std::int32_t places[2 * piece + 2 * plane_codes::padding];
+    static constexpr int piece = 128;       ///< candidates looked at between two looks at the room that is left
+    static constexpr int room = 1024;       ///< pairs that are kept until they are compared
+    std::uint8_t owners[room + 2 * piece];  ///< numbers of queries in the chunk
+    std::int32_t places[room + 2 * piece];  ///< of candidates in the table
     int count = 0;
   };
+  static_assert(chunk_size <= 256 && 2 * plane_codes::padding <= near_list::piece);
 
   void collect(const plane_measure& measure, int a, int first, int last, chunk_rays& chunk) const {
     const auto& search = tables.search;
@@ -90,32 +94,38 @@ struct ordered_search {
     epipolar_table::window windows[chunk_size];
     for (int i = 0; i < chunk.count; ++i) windows[i] = table.window_of(intervals[i]);
     const listed_distances<Descriptor> distances{tables.descriptors_of(n, a, b)};
+    const typename Descriptor::element* descriptors[chunk_size];
+    for (int i = 0; i < chunk.count; ++i) descriptors[i] = query.descriptor_of(search.queries[chunk.slots[i]]);
+    // Compared for many queries in one loop (listed_distances.hpp).
     near_list near;
+    const auto compare = [&] {
+      distances.visit_near(descriptors, near.owners, near.places, near.count, search.max_distance, [&](int i, auto d) {
+        const int slot = chunk.slots[near.owners[i]];
+        std::int32_t& match = search.match[n * search.slot_count + slot];
+        auto& distance = search.distance[n * search.slot_count + slot];
+        candidate_scan<Descriptor, Camera> scan(search, n, search.queries[slot], match, distance);
+        scan.consider(table.candidates[near.places[i]], d);
+        match = scan.best();
+        distance = scan.best_distance();
+      });
+      near.count = 0;
+    };
     for (int i = 0; i < chunk.count; ++i) {
-      const int slot = chunk.slots[i], keypoint = search.queries[slot];
-      const auto* const descriptor = query.descriptor_of(keypoint);
-      std::int32_t& match = search.match[n * search.slot_count + slot];
-      auto& distance = search.distance[n * search.slot_count + slot];
-      candidate_scan<Descriptor, Camera> scan(search, n, keypoint, match, distance);
-      const auto compare = [&] {
-        distances.visit_near(
-            descriptor, near.places, near.count, [&] { return scan.best_distance(); },
-            [&](std::int32_t k, auto d) { scan.consider(table.candidates[k], d); });
-        near.count = 0;
-      };
       const plane_code code = epipolar_table::code_of(intervals[i]);
       for (int range = 0; range < 2; ++range) {
         const std::int32_t last = windows[i].last[range];
         for (std::int32_t k = windows[i].first[range]; k < last; k += near_list::piece) {
+          const int before = near.count;
           near.count = table.codes.list_meeting(code, k, last - k < near_list::piece ? last : k + near_list::piece,
                                                 near.places, near.count);
-          if (near.count > near_list::piece) compare();
+          // 32 at once: most lists are shorter, and a length that varies costs a branch that cannot be predicted.
+          for (int owned = before; owned == before || owned < near.count; owned += 32)
+            std::memset(near.owners + owned, i, 32);
+          if (near.count > near_list::room) compare();
         }
       }
-      compare();
-      match = scan.best();
-      distance = scan.best_distance();
     }
+    compare();
   }
 };
 

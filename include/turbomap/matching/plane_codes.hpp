@@ -5,13 +5,20 @@
 /// \file
 /// Intervals of epipolar planes in sixteen bits, and the choice of those that meet a given one. A window of the epipolar order is
 /// as wide as its widest candidate needs: most candidates in it are narrower, and lie too far off. So intervals are compared before
-/// any descriptor is read, sixteen at once where the processor has vectors of 256 bits.
+/// any descriptor is read, 16 or 32 at once where the processor has vectors of 256 or 512 bits.
 
 #include <cstdint>
 #include <cstring>
 
 #include "../config.hpp"
 #include "../math/native_vector.hpp"
+
+// Only where the namespace is that of AVX-512 (config.hpp): one of AVX2 must not hold such code.
+#if TURBOMAP_X86_VECTORS && defined(__AVX512VPOPCNTDQ__) && defined(__AVX512VL__) && defined(__AVX512BW__)
+#define TURBOMAP_DETAIL_CODES_512 1
+#else
+#define TURBOMAP_DETAIL_CODES_512 0
+#endif
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -52,7 +59,7 @@ struct plane_code {
 /// The codes of a list of keypoints, in arrays.
 struct plane_codes {
   /// Elements of each array behind the last code. They are read; set_end() makes them meet nothing.
-  static constexpr int padding = 16;
+  static constexpr int padding = 32;
 
   std::uint16_t* angles;       ///< of the planes
   std::uint16_t* half_widths;  ///< of the planes
@@ -69,14 +76,25 @@ struct plane_codes {
   /// Appends those k of [begin, end) that the query q meets to list[0, count), ascending, and perhaps some just behind `end` that
   /// it meets too. Returns how many there are then. Writes up to `padding` elements behind them.
   int list_meeting(plane_code q, std::int32_t begin, std::int32_t end, std::int32_t* list, int count) const {
-#if TURBOMAP_X86_VECTORS && TURBOMAP_VECTOR_BYTES >= 32
+#if TURBOMAP_DETAIL_CODES_512
+    const __m512i angle = _mm512_set1_epi16(static_cast<short>(q.angle)), most = _mm512_set1_epi16(q.most);
+    const __m512i half_width = _mm512_set1_epi16(static_cast<short>(q.half_width));
+    for (std::int32_t k = begin; k < end; k += 32) {
+      const __m512i apart = _mm512_abs_epi16(_mm512_sub_epi16(load<__m512i>(angles + k), angle));
+      const __m512i reach = _mm512_adds_epu16(load<__m512i>(half_widths + k), half_width);
+      const auto mask = static_cast<unsigned>(
+          _mm512_mask_cmple_epi16_mask(_mm512_cmple_epu16_mask(apart, reach), load<__m512i>(least + k), most));
+      count = append(k, mask & 0xFFFFU, list, count);
+      count = append(k + 16, mask >> 16, list, count);
+    }
+#elif TURBOMAP_X86_VECTORS && TURBOMAP_VECTOR_BYTES >= 32
     const __m256i angle = _mm256_set1_epi16(static_cast<short>(q.angle)), most = _mm256_set1_epi16(q.most);
     const __m256i half_width = _mm256_set1_epi16(static_cast<short>(q.half_width)), zero = _mm256_setzero_si256();
     for (std::int32_t k = begin; k < end; k += 16) {
-      const __m256i apart = _mm256_abs_epi16(_mm256_sub_epi16(load(angles + k), angle));
-      const __m256i too_far = _mm256_subs_epu16(apart, _mm256_adds_epu16(load(half_widths + k), half_width));
+      const __m256i apart = _mm256_abs_epi16(_mm256_sub_epi16(load<__m256i>(angles + k), angle));
+      const __m256i too_far = _mm256_subs_epu16(apart, _mm256_adds_epu16(load<__m256i>(half_widths + k), half_width));
       const __m256i meets =
-          _mm256_andnot_si256(_mm256_cmpgt_epi16(load(least + k), most), _mm256_cmpeq_epi16(too_far, zero));
+          _mm256_andnot_si256(_mm256_cmpgt_epi16(load<__m256i>(least + k), most), _mm256_cmpeq_epi16(too_far, zero));
       const __m128i bytes = _mm_packs_epi16(_mm256_castsi256_si128(meets), _mm256_extracti128_si256(meets, 1));
       const auto mask = static_cast<unsigned>(_mm_movemask_epi8(bytes));
       count = append(k, mask & 0xFFU, list, count);
@@ -93,11 +111,22 @@ struct plane_codes {
 
 #if TURBOMAP_X86_VECTORS && TURBOMAP_VECTOR_BYTES >= 32
  private:
-  static __m256i load(const void* from) {
-    __m256i v;
+  template <class Vector>
+  static Vector load(const void* from) {
+    Vector v;
     std::memcpy(&v, from, sizeof v);
     return v;
   }
+#if TURBOMAP_DETAIL_CODES_512
+  static int append(std::int32_t first, unsigned mask, std::int32_t* list, int count) {
+    const __m512i numbers = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    // Stored whole: some processors take a hundred cycles to store the chosen ones alone.
+    const __m512i chosen =
+        _mm512_maskz_compress_epi32(static_cast<__mmask16>(mask), _mm512_add_epi32(numbers, _mm512_set1_epi32(first)));
+    std::memcpy(list + count, &chosen, sizeof chosen);
+    return count + __builtin_popcount(mask);
+  }
+#else
   /// The numbers of the bits that are set in a byte, ascending, one byte each.
   struct bit_numbers {
     std::uint64_t of[256];
@@ -118,6 +147,9 @@ struct plane_codes {
     return count + __builtin_popcount(mask);
   }
 #endif
+#endif
 };
 
 TURBOMAP_END_NAMESPACE
+
+#undef TURBOMAP_DETAIL_CODES_512
