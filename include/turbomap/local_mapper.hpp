@@ -416,17 +416,25 @@ class local_mapper {
     if (hooks_.stage_done) hooks_.stage_done(s, report_);
   }
 
-  /// Adjustment has moved the keyframe: links that its pose hid are found now, and move it on.
+  /// Until the deadline; infinity where there is none.
+  double left_ms() const {
+    return options_.deadline_ms > 0 ? options_.deadline_ms - budget_.elapsed_ms()
+                                    : std::numeric_limits<double>::infinity();
+  }
+
+  /// Adjustment has moved the keyframe: links that its pose hid are found now, and move it on. A round for which no time is
+  /// left is not begun, and cuts nothing: the stages are done without it.
   void repeat_fusion(stage_keyframe current) {
     const auto is_done = [&](mapping_stage s) { return report_.outcome[s] == stage_outcome::done; };
     for (int round = 0; round < options_.extra_rounds; ++round) {
       if (!is_done(mapping_stage::fusion) || !is_done(mapping_stage::adjustment)) return;
       if (must_skip(mapping_stage::fusion)) return;
+      if (!budget_.fits(fuse_a_target, static_cast<double>(report_.fusion_targets)) || !budget_.fits(fuse_back)) return;
       update_due(mapping_stage::adjustment);  // fusion reads it
       const std::size_t links = report_.fused.observations_added + report_.fused.merged;
       run_stage(mapping_stage::fusion, current, &local_mapper::fuse);
       if (report_.fused.observations_added + report_.fused.merged == links) return;
-      if (must_skip(mapping_stage::adjustment)) return;
+      if (must_skip(mapping_stage::adjustment) || !(left_ms() > 0)) return;
       run_stage(mapping_stage::adjustment, current, &local_mapper::adjust);
     }
   }
@@ -538,8 +546,7 @@ class local_mapper {
   }
 
   void adjust(stage_keyframe current, const scope& s) {
-    const double left = options_.deadline_ms > 0 ? options_.deadline_ms - budget_.elapsed_ms()
-                                                 : std::numeric_limits<double>::infinity();
+    const double left = left_ms();
     if (!(left > 0)) {
       cut_ = true;
     } else if (hooks_.adjust) {
@@ -549,10 +556,13 @@ class local_mapper {
       local_adjustment_options options = options_.adjustment;
       const double limit = options.solve.time_budget_ms;
       if (options_.deadline_ms > 0 && !(limit > 0 && limit < left)) options.solve.time_budget_ms = left;
+      const std::size_t outliers = report_.adjustment.outliers, points_erased = report_.adjustment.points_erased;
       if constexpr (inertial)
         report_.adjustment = adjustment_(s, current, options, options_.inertial);
       else
         report_.adjustment = adjustment_(s, current, options);
+      report_.adjustment.outliers += outliers;
+      report_.adjustment.points_erased += points_erased;
       due_.moved(adjustment_.points());
       due_.changed(adjustment_.points_that_lost_views());
     }

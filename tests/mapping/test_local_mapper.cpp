@@ -381,6 +381,65 @@ TEST_CASE("fusion and adjustment are repeated while fusion finds something") {
   CHECK(adjustments(9) == 1);  // the next keyframe has come: what was done is told as done
 }
 
+TEST_CASE("a further round for which no time is left cuts nothing") {
+  constexpr double deadline_ms = 500;
+  bool slow_adjustment = false, slow_fusion = false;
+  int adjusted = 0, fused = 0;
+  turbomap::local_mapper_hooks<flat_map> hooks;
+  hooks.adjust = [&](flat_map& map, turbomap::map_keyframe_id k, double left) {
+    ++adjusted;
+    if (slow_adjustment) std::this_thread::sleep_for(std::chrono::duration<double, std::milli>(left + 1));
+    for (std::size_t i = 0; i < flat_traits::keypoint_count(map, k); ++i) {  // the next fusion finds something
+      const auto p = flat_traits::point_at(map, k, i);
+      if (p == turbomap::map_point_id{} || map.observations(p).size() < 5) continue;
+      turbomap::forget(map, k, i);
+      return;
+    }
+  };
+  hooks.stage_done = [&](mapping_stage s, const turbomap::mapping_report&) {
+    if (s == mapping_stage::fusion && ++fused == 2 && slow_fusion)
+      std::this_thread::sleep_for(std::chrono::duration<double, std::milli>(deadline_ms));
+  };
+  auto options = stereo_case().options;
+  options.extra_rounds = 2;
+  options.enabled[mapping_stage::keyframe_culling] = false;  // nothing else is late
+  stereo_run<> r(options, hooks);
+  r.run.steps(6);
+  r.run.mapper.options().deadline_ms = deadline_ms;
+  int rounds = 0;
+  SUBCASE("when the first one has ended") { slow_adjustment = true, rounds = 1; }
+  SUBCASE("when it has fused") { slow_fusion = true, rounds = 2; }
+  adjusted = fused = 0;
+  const auto& report = r.run.step();
+  CHECK(fused == rounds);
+  CHECK(adjusted == 1);
+  for (const auto s : {mapping_stage::fusion, mapping_stage::adjustment})
+    CHECK(report.outcome[s] == stage_outcome::done);
+  CHECK(report.fusion_targets > 0);
+  CHECK_FALSE(report.cut);
+  CHECK(r.sound());
+}
+
+TEST_CASE("the report tells the outliers of all rounds") {
+  auto c = stereo_case(noisy(11, 1.0));
+  c.options.adjustment.mono_chi2 = c.options.adjustment.stereo_chi2 = 1;  // many outliers, and fusion finds them again
+  c.options.extra_rounds = 2;
+  const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
+  std::size_t so_far = 0, told = 0, rounds = 0;
+  turbomap::local_mapper_hooks<flat_map> hooks;
+  hooks.stage_done = [&](mapping_stage s, const turbomap::mapping_report& report) {
+    if (s != mapping_stage::fusion && s != mapping_stage::adjustment) return;
+    const std::size_t outliers = report.adjustment.outliers;
+    if (s == mapping_stage::fusion) ++rounds;
+    CHECK(outliers >= so_far);
+    so_far = outliers;
+  };
+  mapping_run<flat_map, sequential, turbomap::local_adjustment<flat_map, sequential>> run(scene, c.options, hooks);
+  for (int n = 0; n < 8; ++n) so_far = 0, told += run.step().adjustment.outliers;
+  CHECK(rounds > 8);  // there was a second one
+  CHECK(told > 0);
+}
+
 TEST_CASE("stop ends the iteration before the stage that asks, whatever it says later") {
   for (std::size_t at = 0; at < all_stages.size(); ++at) {
     CAPTURE(at);

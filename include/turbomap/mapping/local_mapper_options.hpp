@@ -34,7 +34,7 @@ struct local_mapper_options {
   int most_views = appearance_options{}.most_views;  ///< of a point, for its descriptor and normal; 0: all [ORB-SLAM3]
   /// Fusion and adjustment of a keyframe are repeated so often at most, while fusion finds something: where few points link a
   /// keyframe to the map, the pose that it comes with hides most links, and adjustment follows the few that are left.
-  /// 0: once each [ORB-SLAM3]. Ours.
+  /// 0: once each [ORB-SLAM3]. Ours. A round that is not expected to end before the deadline is not begun.
   int extra_rounds = 0;
   neighbour_search_options neighbours;        ///< fusion and culling choose their keyframes by its `neighbourhood` too
   search_options search;                      ///< of the correspondence search.

@@ -59,18 +59,20 @@ struct per_stage {
 
 /// One iteration of local mapping.
 struct mapping_report {
-  per_stage<double> ms;                          ///< wall time, locks included
-  per_stage<stage_outcome> outcome;              ///< what happened to each stage.
-  per_stage<guard_times> held;                   ///< the map's guard
-  double total_ms = 0;                           ///< of process(), locks included.
-  std::size_t neighbours = 0;                    ///< searched for correspondences
-  std::size_t matches = 0;                       ///< correspondences found
-  creation_summary creation;                     ///< what points were made of
-  std::size_t points_created = 0;                ///< new points in the map.
-  std::size_t points_culled = 0;                 ///< on probation
-  std::size_t fusion_targets = 0;                ///< keyframes that were searched for duplicates.
-  fusion_summary fused;                          ///< what fusion did.
-  local_adjustment_summary adjustment;           ///< of the mapper's own stage; as it comes where a hook adjusts
+  per_stage<double> ms;              ///< wall time, locks included
+  per_stage<stage_outcome> outcome;  ///< what happened to each stage.
+  per_stage<guard_times> held;       ///< the map's guard
+  double total_ms = 0;               ///< of process(), locks included.
+  std::size_t neighbours = 0;        ///< searched for correspondences
+  std::size_t matches = 0;           ///< correspondences found
+  creation_summary creation;         ///< what points were made of
+  std::size_t points_created = 0;    ///< new points in the map.
+  std::size_t points_culled = 0;     ///< on probation
+  std::size_t fusion_targets = 0;    ///< keyframes that the last round searched for duplicates.
+  fusion_summary fused;              ///< what fusion did, in all rounds together.
+  /// Of the mapper's own stage; as it comes where a hook adjusts. `outliers` and `points_erased` of all rounds together,
+  /// everything else of the last one (local_mapper_options::extra_rounds).
+  local_adjustment_summary adjustment;
   std::size_t points_updated = 0;                ///< whose appearance was computed anew
   plain_vector<std::uint64_t> keyframes_culled;  ///< ids
   fault_list refused;                            ///< what was passed over because it cannot be used; each fault once
