@@ -159,6 +159,7 @@ class block_cache {
       }
       save_victims();
     } catch (...) {
+      lane_.settle();
       undo(empty_resident, empty_paged);
       throw;
     }
@@ -211,6 +212,7 @@ class block_cache {
       lane_.upload(found.data, v.paged.data, e.used);
       lane_.wait();
     } catch (...) {
+      lane_.settle();
       if (e.block.data != v.paged.data) resident_.deallocate(e.block);
       return false;
     }
@@ -223,6 +225,7 @@ class block_cache {
       for (const request& r : requests_) lane_.upload(r.block.data, entries_[r.slot].block.data, r.bytes);
       lane_.wait();
     } catch (...) {
+      lane_.settle();
       give_back_requests();
       throw;
     }

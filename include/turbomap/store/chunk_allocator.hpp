@@ -49,7 +49,8 @@ class chunk_allocator {
     while (spares_ != nullptr) delete take_spare();
   }
 
-  /// A block of at least `bytes`, growing when nothing fits. Throws out_of_memory when it cannot, with nothing changed.
+  /// A block of at least `bytes`, growing when nothing fits. Throws out_of_memory when it cannot, and device_error when the
+  /// device has failed; nothing is changed.
   chunk_block allocate(std::size_t bytes) {
     chunk_block block = try_allocate(bytes);
     if (!block && try_grow(bytes) == growth::done) block = try_allocate(bytes);
@@ -69,7 +70,8 @@ class chunk_allocator {
     return hand_out(range);
   }
 
-  /// One more chunk, large enough for `bytes`. Only host memory for the bookkeeping can make it throw.
+  /// One more chunk, large enough for `bytes`. Throws std::bad_alloc when there is no host memory for the bookkeeping, and
+  /// device_error when the device has failed; nothing is changed.
   growth try_grow(std::size_t bytes) {
     bytes = align_up(bytes == 0 ? 1 : bytes, alignment);
     std::size_t size = bytes > chunk_bytes_ ? bytes : chunk_bytes_;

@@ -42,6 +42,8 @@ class transfer_lane<host_memory> {
   void download(std::byte* host, const std::byte* resident, std::size_t bytes) { std::memcpy(host, resident, bytes); }
   /// Copies are done: nothing to wait for.
   void wait() {}
+  /// After a failed copy: none is under way any more, so that memory can be given back. Nothing to wait for.
+  void settle() noexcept {}
 };
 
 /// The order in which a policy's work is done: nothing for host policies, whose calls return when they are done; the

@@ -113,11 +113,14 @@ void launch_survey_frames(const thrust::cuda_cub::execution_policy<Derived>& pol
 /// Waits until a launched report is there, not for what was enqueued after it.
 template <class Derived, class Report>
 const Report& wait_for(const thrust::cuda_cub::execution_policy<Derived>& policy, const awaited<Report>& a) {
-  constexpr int looks = 4096;  // at the memory, between two at the stream: a failed kernel never writes
-  for (int i = 1; __atomic_load_n(&a.ready, __ATOMIC_ACQUIRE) == 0; ++i) {
+  constexpr unsigned looks = 4096;  // at the memory, between two at the stream: a failed kernel never writes
+  for (unsigned i = 1; __atomic_load_n(&a.ready, __ATOMIC_ACQUIRE) == 0; ++i) {
     if (i % looks != 0) continue;
     const cudaError_t status = cudaStreamQuery(stream_of(policy));
-    if (status == cudaErrorNotReady) continue;
+    if (status == cudaErrorNotReady) {
+      cudaGetLastError();  // no failure: the next launch must not take it for its own
+      continue;
+    }
     check_cuda(status, "wait for a step");
     synchronize(policy);
     break;

@@ -43,6 +43,10 @@ class transfer_lane<device_memory> {
     check_cuda(cudaMemcpyAsync(host, resident, bytes, cudaMemcpyDeviceToHost, stream_), "paging out of a keyframe");
   }
   void wait() { check_cuda(cudaStreamSynchronize(stream_), "wait for the copies of keyframes"); }
+  void settle() noexcept {
+    cudaStreamSynchronize(stream_);
+    cudaGetLastError();  // what failed before is under way as an exception
+  }
   /// @}
 
  private:
