@@ -40,7 +40,7 @@ void check_found_lists(const Policy& policy) {
   turbomap::array<std::int32_t, turbomap::memory_of_t<Policy>> resident(ctx.resource());
   std::vector<found_number> found{{1, 2}};
   std::mt19937 random(7);
-  for (const int count : {0, 1, 31, 511, 512, 513, 5000, 1024, 60000, 3})
+  for (const int count : {0, 1, 31, 511, 512, 513, 5000, 1024, 60000, 600000, 3})
     for (const double share : {0.0, 0.01, 0.5, 1.0}) {
       CAPTURE(count);
       CAPTURE(share);

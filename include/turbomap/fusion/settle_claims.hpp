@@ -18,8 +18,8 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// Index = request * points + point.
 template <class Descriptor, class Camera>
-struct claim_keypoint {  ///< what is read and written
-  projection_view<Descriptor, Camera> search;
+struct claim_keypoint {
+  projection_view<Descriptor, Camera> search;  ///< what is read and written
 
   /// Claims the keypoint of a match.
   TURBOMAP_HD void operator()(int i) const {

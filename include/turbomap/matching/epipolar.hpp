@@ -26,8 +26,8 @@ struct pair_geometry {
   bool guard_epipole;       ///< candidates near the epipole are refused (both keypoints without u_right)
   vec2<decision> epipole;   ///< of a in b, px; valid where guard_epipole
   vec3<float> baseline;     ///< unit vector from the centre of b to that of a, in b; 0 where there is none
-  vec3<float> plane_x;      ///< with `baseline` and plane_y an orthonormal frame:
-  vec3<float> plane_y;      ///< angles of epipolar planes are measured from plane_x to plane_y
+  vec3<float> plane_x;      ///< across the baseline: angles of epipolar planes are measured from here
+  vec3<float> plane_y;      ///< across both: angles grow towards here
 };
 
 /// A pose that maps world to camera k of a rig.
