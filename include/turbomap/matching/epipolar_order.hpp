@@ -184,7 +184,7 @@ struct epipolar_table {
 
   std::int32_t* offsets;     ///< total_buckets() + 1
   std::int32_t* candidates;  ///< by bucket; within a bucket in no particular order
-  plane_codes codes;         ///< of `candidates`
+  plane_codes codes;         ///< of `candidates`; null: not made
   float* sorted_width;       ///< half-width up to which candidates are sorted, rad
 
   /// In sixteen bits.
@@ -222,9 +222,9 @@ struct epipolar_table {
     for (int i = 0; i < count; ++i) {
       const std::int32_t to = offsets[keys[i]]++;
       candidates[to] = keypoints[i];
-      codes.set(to, code_of(intervals[i]));
+      if (codes.angles != nullptr) codes.set(to, code_of(intervals[i]));
     }
-    codes.set_end(count);
+    if (codes.angles != nullptr) codes.set_end(count);
     for (int i = layout::total_buckets(); i > 0; --i) offsets[i] = offsets[i - 1];
     offsets[0] = 0;
   }

@@ -33,7 +33,7 @@ struct ordered_tables {
   search_view<Descriptor, Camera> search;  ///< keyframes and pairs
   std::int32_t* offsets;                   ///< of each table, total_buckets() + 1
   std::int32_t* sorted;                    ///< keypoints by bucket, one table after the other
-  plane_codes codes;                       ///< of `sorted`, in its order
+  plane_codes codes;                       ///< of `sorted`, in its order. Null: not made
   float* sorted_width;                     ///< of each table, rad
   std::int32_t* keypoints;                 ///< those of the camera, before sorting
   plane_interval* intervals;               ///< of each keypoint, before sorting
@@ -45,9 +45,10 @@ struct ordered_tables {
   epipolar_table view(int n, int a, int b) const {
     const std::int64_t table = number(n, a, b);
     const std::int64_t slice = first(n, a, b);
-    return {offsets + table * (epipolar_order_layout::total_buckets() + 1),
-            sorted + slice,
-            {codes.angles + slice, codes.half_widths + slice, codes.least + slice},
+    const plane_codes its_codes =
+        codes.angles == nullptr ? plane_codes{}
+                                : plane_codes{codes.angles + slice, codes.half_widths + slice, codes.least + slice};
+    return {offsets + table * (epipolar_order_layout::total_buckets() + 1), sorted + slice, its_codes,
             sorted_width + table};
   }
   /// The descriptors of one table.
@@ -159,10 +160,10 @@ struct build_ordered_table {
 };
 
 /// Memory for the tables of all pairs, valid as long as the scratch is.
+/// \param for_search  with codes and descriptors, which filters do not read
 template <sorted_side Side, class Descriptor, class Camera, class Memory>
 ordered_tables<Descriptor, Camera, Side> take_tables(scratch_arena<Memory>& scratch,
-                                                     const search_view<Descriptor, Camera>& search,
-                                                     bool with_descriptors) {
+                                                     const search_view<Descriptor, Camera>& search, bool for_search) {
   const auto cameras =
       static_cast<std::size_t>(search.query_cameras) * static_cast<std::size_t>(search.neighbour_cameras);
   const auto neighbours = static_cast<std::size_t>(search.neighbour_count), tables = neighbours * cameras;
@@ -175,15 +176,16 @@ ordered_tables<Descriptor, Camera, Side> take_tables(scratch_arena<Memory>& scra
   result.search = search;
   result.offsets = scratch.template take<std::int32_t>(tables * (epipolar_order_layout::total_buckets() + 1));
   result.sorted = scratch.template take<std::int32_t>(entries);
-  result.codes.angles = scratch.template take<std::uint16_t>(entries);
-  result.codes.half_widths = scratch.template take<std::uint16_t>(entries);
-  result.codes.least = scratch.template take<std::int16_t>(entries);
   result.sorted_width = scratch.template take<float>(tables);
   result.keypoints = scratch.template take<std::int32_t>(entries);
   result.intervals = scratch.template take<plane_interval>(entries);
   result.keys = scratch.template take<std::int32_t>(entries);
-  if (with_descriptors)
+  if (for_search) {
+    result.codes.angles = scratch.template take<std::uint16_t>(entries);
+    result.codes.half_widths = scratch.template take<std::uint16_t>(entries);
+    result.codes.least = scratch.template take<std::int16_t>(entries);
     result.descriptors = scratch.template take<typename Descriptor::element>(entries * Descriptor::elements);
+  }
   return result;
 }
 
