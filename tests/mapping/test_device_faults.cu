@@ -15,12 +15,13 @@ namespace turbomap_test {
 struct failing_calls {
   long left = -1;        ///< calls until one fails; below 0: none fails
   bool for_ever = true;  ///< so do all after it
+  bool failed = false;   ///< one has
 
   bool fails() {
     if (left < 0) return false;
     if (left > 0) return --left, false;
     if (!for_ever) left = -1;
-    return true;
+    return failed = true;
   }
 };
 inline failing_calls allocations, work;
@@ -36,6 +37,14 @@ cudaError_t counted_launch(Arguments... arguments) {
   return work.fails() ? cudaErrorLaunchOutOfResources : cudaLaunchKernel(arguments...);
 }
 template <class... Arguments>
+cudaError_t counted_cluster_launch(Arguments... arguments) {
+  return work.fails() ? cudaErrorLaunchOutOfResources : cudaLaunchKernelExC(arguments...);
+}
+template <class... Arguments>
+cudaError_t counted_look(Arguments... arguments) {
+  return work.fails() ? cudaErrorLaunchFailure : cudaPointerGetAttributes(arguments...);
+}
+template <class... Arguments>
 cudaError_t counted_copy(Arguments... arguments) {
   return work.fails() ? cudaErrorLaunchFailure : cudaMemcpyAsync(arguments...);
 }
@@ -47,6 +56,11 @@ cudaError_t counted_fill(Arguments... arguments) {
 inline cudaError_t counted_wait(cudaStream_t stream) {
   const cudaError_t status = cudaStreamSynchronize(stream);
   return work.fails() ? cudaErrorLaunchFailure : status;
+}
+
+/// Not counted: how often it is asked depends on the clock.
+inline cudaError_t query_of_lost(cudaStream_t stream) {
+  return work.failed && work.for_ever ? cudaErrorLaunchFailure : cudaStreamQuery(stream);
 }
 
 template <failing_calls& Calls, bool ForEver>
@@ -62,10 +76,14 @@ struct failure_of {
 
 }  // namespace turbomap_test
 
-// The library calls the run-time in turbomap/cuda and turbomap/store/cuda only.
+// What the library calls again and again, here and in Thrust. Streams, events and attributes of kernels and devices are left
+// alone.
 #define cudaMalloc(memory, bytes) turbomap_test::counted_malloc(memory, bytes)
 #define cudaMallocHost(memory, bytes) turbomap_test::counted_malloc_host(memory, bytes)
 #define cudaLaunchKernel(...) turbomap_test::counted_launch(__VA_ARGS__)
+#define cudaLaunchKernelExC(...) turbomap_test::counted_cluster_launch(__VA_ARGS__)
+#define cudaPointerGetAttributes(...) turbomap_test::counted_look(__VA_ARGS__)
+#define cudaStreamQuery(stream) turbomap_test::query_of_lost(stream)
 #define cudaMemcpyAsync(...) turbomap_test::counted_copy(__VA_ARGS__)
 #define cudaMemsetAsync(...) turbomap_test::counted_fill(__VA_ARGS__)
 #define cudaStreamSynchronize(stream) turbomap_test::counted_wait(stream)
