@@ -117,11 +117,22 @@ TEST_CASE("blocks of S are those of plain sums, each written by one index, in an
     }
 }
 
+TEST_CASE("a lambda where the policy computes is the one that is used") {
+  scene x(12, 60, 400, true);
+  const auto want = reduced(x, {2.0}, 3);
+  const double lambda = 2;
+  x.s.lambda = &lambda;
+  CHECK(reduced(x, {0.5}, 3) == want);
+}
+
 TEST_CASE("no frames") {
   const scene x(1, 1, 0, true);
   turbomap::schur_view<double> none = x.s;
   none.free_frames = 0;
-  turbomap::launch_reduce_blocks<V, D>(turbomap_test::sequential{}, none, {nullptr, nullptr, 0, false}, {0.5});
+  std::vector<double> out(at(2 * D * D), 7);
+  turbomap::launch_reduce_blocks<V, D>(turbomap_test::sequential{}, none, {out.data(), out.data() + D * D, 0, false},
+                                       {0.5});
+  CHECK(out == std::vector<double>(out.size(), 7));
 }
 
 }  // namespace

@@ -39,12 +39,12 @@ template <class A, int V, int D>
 struct reduce_blocks {
   schur_view<A> s;            ///< landmarks and lists
   reduced_layout out;         ///< where the blocks go
-  turbomap::damping damping;  ///< of the diagonal
+  turbomap::damping damping;  ///< of the diagonal; its lambda is that of `s`, where it has one
   int parts;                  ///< number of indices
 
   static constexpr int n = column_lanes<V>;  ///< lanes of a column
-  static constexpr int ahead =
-      24;  ///< entries of a list between asking for memory and reading it: a third-level cache is that far
+  /// Entries of a list between asking for memory and reading it: a third-level cache is that far.
+  static constexpr int ahead = 24;
   static constexpr int row_bytes = 3 * V * static_cast<int>(sizeof(A));  ///< of the columns of a slot
   using P = pack<A, n>;                                                  ///< numbers of a column
 
@@ -99,6 +99,8 @@ struct reduce_blocks {
   }
 
   TURBOMAP_HD void diagonal(int f) const {
+    turbomap::damping damping = this->damping;
+    if (s.lambda != nullptr) damping.lambda = *s.lambda;
     P sum[V], right(A(0));
     for (int r = 0; r < V; ++r) sum[r] = P(A(0));
     const int last = s.frame_slot[f + 1] - 1;
