@@ -4,9 +4,13 @@
 
 /// \file
 /// launch_linearise_frame_factors() under a CUDA policy: a block per factor, of which a window has two dozen. One thread
-/// computes residuals and derivatives, all of them their products, an element each in the order of the generic body.
+/// computes residuals and derivatives, all of them their products, an element each in the order of the generic body,
+/// which takes factors whose derivatives do not fit the shared memory of a block.
+
+#include <cstddef>
 
 #include "../../config.hpp"
+#include "../../cuda/tuning.hpp"
 #include "../../math/functions.hpp"
 #include "../../parallel.hpp"
 #include "../linearise_frame_factors.hpp"
@@ -20,7 +24,7 @@ __global__ void __launch_bounds__(frame_factor_tuning::threads)
   using body = linearise_frame_factors<Pair, Frame, Factor, Kernel>;
   using block = typename body::block;
   constexpr int D = body::D, size = body::size, threads = frame_factor_tuning::threads;
-  __shared__ double e[size], d[2][size * D];
+  __shared__ double e[size], d[body::sides][size * D];
   __shared__ bool defined;
   const int i = static_cast<int>(blockIdx.x), thread = static_cast<int>(threadIdx.x);
   if (thread == 0) defined = work.derivatives(i, e, d);
@@ -65,9 +69,15 @@ template <bool Pair, class Frame, class Derived, class Factor, class Kernel>
 void launch_linearise_frame_factors(const thrust::cuda_cub::execution_policy<Derived>& policy,
                                     const frame_factor_view<Factor, Kernel>& group, const estimate_view<Frame>& x,
                                     double* partial, double* square) {
-  launch_kernel(policy, "launch of linearise_frame_factors",
-                linearise_frame_factors_kernel<Pair, Frame, Factor, Kernel>, group.count, frame_factor_tuning::threads,
-                linearise_frame_factors<Pair, Frame, Factor, Kernel>{group, x.states, partial, square});
+  using body = linearise_frame_factors<Pair, Frame, Factor, Kernel>;
+  constexpr std::size_t beside = 64;  // bytes for what else a block keeps
+  if constexpr (sizeof(double) * body::size * (1 + body::sides * body::D) + beside > shared_memory_bytes)
+    launch_linearise_frame_factors<Pair, Frame>(static_cast<const thrust::execution_policy<Derived>&>(policy), group, x,
+                                                partial, square);
+  else
+    launch_kernel(policy, "launch of linearise_frame_factors",
+                  linearise_frame_factors_kernel<Pair, Frame, Factor, Kernel>, group.count,
+                  frame_factor_tuning::threads, body{group, x.states, partial, square});
 }
 
 TURBOMAP_END_NAMESPACE
