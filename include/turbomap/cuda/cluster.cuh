@@ -13,15 +13,6 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Whether this code was compiled for devices with clusters.
-__device__ constexpr bool has_clusters() {
-#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
-  return true;
-#else
-  return false;
-#endif
-}
-
 /// The number of this block in its cluster.
 __device__ inline int block_of_cluster() {
   unsigned rank = 0;
@@ -47,6 +38,7 @@ __device__ inline void store_in_cluster(double* place, int block, double value) 
 /// All threads of the cluster wait for each other, and see what they have written.
 __device__ inline void synchronize_cluster() {
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+  __syncwarp();  // `aligned`: the threads of a warp come together
   asm volatile("barrier.cluster.arrive.release.aligned;" ::: "memory");
   asm volatile("barrier.cluster.wait.acquire.aligned;" ::: "memory");
 #else
