@@ -5,8 +5,8 @@
 /// \file
 /// The pose of one frame from points that are held fixed: Levenberg and Marquardt's method on six unknowns, in rounds; after
 /// each, observations that do not fit are told as outliers and the next round does without them. Points that are not exact
-/// count less along the directions in which they are not known. One frame is the work of a team: of one thread, or of a block
-/// (cuda/adjust_poses.cuh), whose members share the observations and agree on all else.
+/// count less along the directions in which they are not known. One frame is the work of a team: of one thread, of a block, or
+/// of a cluster of blocks (cuda/adjust_poses.cuh), whose members share the observations and agree on all else.
 
 #include <cmath>
 #include <cstdint>

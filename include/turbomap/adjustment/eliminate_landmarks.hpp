@@ -184,8 +184,8 @@ void launch_measure_gains(const thrust::execution_policy<Derived>& policy, const
 template <int V, class Derived, class A>
 void launch_eliminate_landmarks(const thrust::execution_policy<Derived>& policy, const schur_view<A>& s,
                                 const damping& damping) {
-  constexpr int per_index = eliminate_landmarks<A, V>::landmarks_per_index,
-                each = 2;  // a factor takes as long as two rows
+  constexpr int per_index = eliminate_landmarks<A, V>::landmarks_per_index;
+  constexpr int each = 2;  // a factor takes as long as two rows
   for_each_in_shares(derived(policy), (s.landmarks + per_index - 1) / per_index,
                      work_of_landmarks{s.landmark_row, s.landmarks, per_index, each},
                      eliminate_landmarks<A, V>{s, damping});

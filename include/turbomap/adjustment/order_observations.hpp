@@ -4,9 +4,8 @@
 
 /// \file
 /// The lists of observations of an adjustment_structure, made where the policy computes: what structure_builder.hpp makes on
-/// the host, to the last integer. Only for policies whose memory the host does not read, and for problems with one group of
-/// factors with landmarks. Chunks are of observation_padding entries there, so chunk c has the entries from
-/// observation_padding * c on.
+/// the host, to the last integer. Only for policies whose memory the host does not read, and for problems of one group,
+/// reprojections. Chunks are of observation_padding entries there, so chunk c has the entries from observation_padding * c on.
 
 #include <cstddef>
 #include <cstdint>

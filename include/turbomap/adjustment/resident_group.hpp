@@ -131,8 +131,8 @@ void launch_return_rows(const thrust::execution_policy<Derived>& policy, const r
 namespace detail {
 
 inline void require_indices(span<const std::int32_t> index, int end, const char* name) {
-  std::uint32_t outside =
-      0;  // no branch in the loop, and no bool, which compilers do not vectorise: they are rarely wrong
+  // No branch in the loop, and no bool, which compilers do not vectorise: they are rarely wrong.
+  std::uint32_t outside = 0;
   for (const auto i : index) outside |= static_cast<std::uint32_t>(i) >= static_cast<std::uint32_t>(end) ? 1U : 0U;
   if (outside == 0) return;
   for (const auto i : index) require(i >= 0 && i < end, name, i, "is no such frame or landmark");

@@ -4,8 +4,8 @@
 
 /// \file
 /// launch_adjust_poses() under a CUDA policy: a cluster of blocks per frame instead of one thread, one block below compute
-/// capability 9.0. Its threads share the observations of the frame; all else each of them computes for itself, from the same sums,
-/// so that they go the same way.
+/// capability 9.0. Its threads share the observations of the frame; all else each of them computes for itself, from the same
+/// sums, so that they go the same way.
 
 #include "../../config.hpp"
 #include "../../cuda/cluster.cuh"
@@ -21,7 +21,8 @@ TURBOMAP_BEGIN_NAMESPACE
 class team_of_cluster {
  public:
   /// @{
-  /// Blocks of a frame, the warps of each, and as of team_of_one.
+  /// Blocks of a frame, the warps of each, and as of team_of_one. `blocks` and `size` are for code on the device only: the host
+  /// does not know what it was compiled for.
   static constexpr int warps = adjust_poses_tuning::warps;
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
   static constexpr int blocks = adjust_poses_tuning::blocks;
@@ -42,7 +43,7 @@ class team_of_cluster {
   __device__ explicit team_of_cluster(memory& m)
       : rank(block_of_cluster() * threads + static_cast<int>(threadIdx.x)), memory_(m) {}
 
-  /// As of team_of_one. All threads of the block call it.
+  /// As of team_of_one. All threads of the cluster call it.
   template <int N>
   TURBOMAP_HD const double* sum(const double (&x)[N], int place) const {
     static_assert(N <= most && most <= warp_size);

@@ -35,7 +35,7 @@ struct block_listing {
   std::int32_t *row, *column;
   /// @}
   std::int32_t* begin;  ///< [block + 1]: lengths, then where each list begins
-  slot_pair* pairs;     ///< as of block_lists; null: lengths are counted
+  slot_pair* pairs;     ///< as of block_lists; read only where Write
 };
 
 /// Index = slot.

@@ -4,7 +4,8 @@
 
 /// \file
 /// launch_substitute_landmarks() under a CUDA policy: a few lanes per landmark share its slots. A block has the landmarks of
-/// one index of the generic body, whose gains one thread adds up in their order. launch_take_step() moves the frames in further blocks of the same kernel.
+/// one index of the generic body, whose gains one thread adds up in their order. launch_take_step() moves the frames in
+/// further blocks of the same kernel.
 
 #include <cstddef>
 
