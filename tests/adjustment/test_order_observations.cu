@@ -142,6 +142,9 @@ TEST_CASE("the lists of a device are those of the host") {
         CHECK(turbomap::block_finder::count_pairs(data.structure) == turbomap::block_finder::count_pairs(expected));
         data.need_lists(ctx.policy());
         CHECK_FALSE(data.structure.elsewhere);
+        CHECK(data.structure.groups_elsewhere);
+        data.need_rows(ctx.policy());
+        CHECK_FALSE(data.structure.groups_elsewhere);
         check_same(data.structure, expected);
       }
     }

@@ -94,7 +94,8 @@ bool assign_resident(context<Policy>& ctx, Data& data, structure_builder& builde
   hold();
   data.order.keep(input.landmarks);
 
-  // Whatever may not be allocated, before anything is enqueued.
+  // Room where the policy computes, before anything is enqueued. What is allocated later (scratch of the lists, vectors of the
+  // host) may fail with work under way: the problem is empty then, and the next assign() waits first.
   const auto& masks = data.held.host();
   const std::size_t free = static_cast<std::size_t>(s.free_frames);
   packed_inputs inputs;
@@ -150,7 +151,7 @@ bool assign_resident(context<Policy>& ctx, Data& data, structure_builder& builde
   ctx.synchronize();
   if (told.too_long != 0) return false;
   finite = told.not_finite == 0;
-  s.sizes = told.sizes, s.partials = told.sizes.chunks, s.elsewhere = true;
+  s.sizes = told.sizes, s.partials = told.sizes.chunks, s.elsewhere = s.groups_elsewhere = true;
   kept.made(prepared, told.sizes.chunks);
   return true;
 }

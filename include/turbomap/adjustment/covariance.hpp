@@ -44,7 +44,7 @@ bool frame_covariance(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Pol
 
   constexpr int D = Frame::dof;
   auto& data = problem.data();
-  data.need_lists(ctx.policy());
+  data.need_rows(ctx.policy());
   const adjustment_structure& s = data.structure;
   plain_vector<typename Frame::template state<double>> states;
   plain_vector<vec3<double>> given, landmarks;

@@ -239,7 +239,8 @@ template <class Policy>
 void basic_bundle_problem<Memory, Frame, Groups...>::assign(context<Policy>& ctx, const frame_input<Frame>& frames,
                                                             const landmark_input& landmarks, const Groups&... groups) {
   check(frames, landmarks, groups...);
-  data_.finite = false, data_.observations = 0, data_.structure.elsewhere = false;  // empty until all is there
+  data_.finite = false, data_.observations = 0;  // empty until all is there
+  data_.structure.elsewhere = data_.structure.groups_elsewhere = false;
   ctx.synchronize();
   bool finite = all_finite(frames), assigned = false;
   try {

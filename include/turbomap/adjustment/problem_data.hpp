@@ -117,14 +117,24 @@ struct problem_data {
     need_lists(policy);
     return finder_.count_blocks(structure);
   }
-  /// The lists of observations on the host too: fetched, where the policy made them. Waits then.
+  /// The lists of slots on the host too: fetched, where the policy made them. Waits then.
   template <class Policy>
   void need_lists(const Policy& policy) {
     if constexpr (orders_there) {
       if (!structure.elsewhere) return;
       lists.fetch(policy, structure);
-      std::get<0>(groups).fetch(policy, structure);
+      turbomap::synchronize(policy);
       structure.elsewhere = false;
+    }
+  }
+  /// Those and the observations themselves, with their rows.
+  template <class Policy>
+  void need_rows(const Policy& policy) {
+    need_lists(policy);
+    if constexpr (orders_there) {
+      if (!structure.groups_elsewhere) return;
+      std::get<0>(groups).fetch(policy, structure);
+      structure.groups_elsewhere = false;
     }
   }
   /// After a change of the structure.

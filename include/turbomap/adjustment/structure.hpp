@@ -144,6 +144,7 @@ struct adjustment_structure : sum_lists<list_on_host>, block_lists<list_on_host>
   structure_sizes sizes;                ///< of the lists of observations
   /// The policy made the lists of rows, slots and chunks, where it computes: they are not here, until they are fetched.
   bool elsewhere = false;
+  bool groups_elsewhere = false;  ///< the same of `groups`, which are fetched apart: few need them
 
   /// Observations of all groups.
   std::size_t rows() const { return static_cast<std::size_t>(sizes.rows); }

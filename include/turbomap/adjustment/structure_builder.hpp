@@ -48,7 +48,7 @@ class structure_builder {
  public:
   /// All but the blocks: see block_finder.
   void build(const structure_input& in, adjustment_structure& s) {
-    s.frames = in.frames, s.landmarks = in.landmarks, s.elsewhere = false;
+    s.frames = in.frames, s.landmarks = in.landmarks, s.elsewhere = s.groups_elsewhere = false;
     order_frames(in.fixed_frames, s);
     order_rows(in, s);
     list_slots(s);
