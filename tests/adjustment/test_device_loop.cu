@@ -229,7 +229,7 @@ TEST_CASE("the damping of the next step is that of the host, to the bit") {
 
 TEST_CASE("steps that are solved for ahead are those that are solved for when they are asked for") {
   const stream on;
-  int iterations = 0;
+  int iterations = 0, taken = 0;
   for (const auto kind : {scene_kind::mono, scene_kind::stereo})
     for (const auto rule : {turbomap::damping_rule::identity, turbomap::damping_rule::diagonal})
       for (const double decrease : {0.0, 1e-3})
@@ -242,7 +242,7 @@ TEST_CASE("steps that are solved for ahead are those that are solved for when th
           for (std::size_t l = 0; far && l < s.points.size(); l += 5) s.points[l].x += 5;
           auto options = in_float64();
           options.damping = rule, options.min_relative_decrease = decrease, options.max_iterations = 12;
-          const auto run = [&](std::pmr::memory_resource* staging) {
+          const auto run = [&](std::pmr::memory_resource* staging, int& steps) {
             turbomap::context<stream_policy> ctx(on.policy(), turbomap::default_resource(turbomap::device_memory{}),
                                                  staging);
             turbomap::bundle_problem<stream_policy, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
@@ -252,10 +252,13 @@ TEST_CASE("steps that are solved for ahead are those that are solved for when th
               a.summary = turbomap::adjust<float64_methods>(ctx, problem, options);
             }
             problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
+            steps += problem.data().workspace.ahead;
             return a;
           };
-          const auto ahead = run(turbomap::default_staging_resource(turbomap::device_memory{}));
-          const auto asked = run(std::pmr::new_delete_resource());  // not pinned: the host sums, and nothing is ahead
+          int not_ahead = 0;
+          const auto ahead = run(turbomap::default_staging_resource(turbomap::device_memory{}), taken);
+          const auto asked = run(std::pmr::new_delete_resource(), not_ahead);  // not pinned: the host sums
+          CHECK(not_ahead == 0);
           REQUIRE(ahead.summary.each.size() == asked.summary.each.size());
           CHECK(ahead.summary.end == asked.summary.end);
           for (std::size_t i = 0; i < asked.summary.each.size(); ++i)
@@ -265,6 +268,7 @@ TEST_CASE("steps that are solved for ahead are those that are solved for when th
           iterations += ahead.summary.iterations;
         }
   CHECK(iterations > 50);
+  CHECK(taken > 0);
 }
 
 TEST_CASE("steps that are refused: as on the host") {

@@ -42,6 +42,7 @@ struct solver_workspace {
   dense_cholesky dense;                                 ///< for matrices in full
   block_cholesky<D> sparse;                             ///< for matrices block by block
   bool analysed = false;                                ///< `sparse` has the structure of the problem
+  int ahead = 0;                                        ///< steps taken that were solved for ahead, of all adjustments
   array<double, host_memory> matrix;                    ///< the matrix on the host
   array<double, host_memory> x;                         ///< right hand side, then solution, on the host
   array<double, host_memory> b;                         ///< negative gradient on the host

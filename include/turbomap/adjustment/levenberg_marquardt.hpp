@@ -219,7 +219,9 @@ class levenberg_marquardt {
     const schur_view<A>& s = equations_.view();
     const Policy& policy = ctx_.policy();
     reduced_step step = next_step_;
-    if (!solved_) {
+    if (solved_) {
+      ++data_.workspace.ahead;
+    } else {
       launch_eliminate_landmarks<V>(policy, s, damping);
       step = solver.solve(ctx_, damping);
     }
