@@ -25,11 +25,12 @@ struct local_mapper_hooks {
   /// Another thread (loop closing) wants the map to itself: asked before each stage; the rest of the iteration is skipped.
   std::function<bool()> stop;
   /// Adjusts poses and points around the keyframe, with write-back, in place of the mapper's own stage: for another solver.
+  /// Called again, for the same keyframe, in each of local_mapper_options::extra_rounds (2 at most with accurate()).
   /// \param time_left_ms  infinite: no deadline
   std::function<void(Map&, keyframe, double time_left_ms)> adjust;
   /// A keyframe is about to be erased as redundant, under the map's guard: e.g. to keep its pose relative to a parent.
   std::function<void(keyframe)> erasing;
-  /// A stage has ended.
+  /// A stage has ended; fusion and adjustment again in each of the extra rounds.
   std::function<void(mapping_stage, const mapping_report&)> stage_done;
 };
 
