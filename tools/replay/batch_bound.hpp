@@ -82,6 +82,7 @@ inline std::size_t most_seen_by_first(const true_observations& all) {
 struct fitted_poses {
   std::vector<turbomap::rigid_transform<double>> T_cw;  ///< one per keyframe
   double cost = 0;                                      ///< the sum of squares of the whitened residuals that is left
+  turbomap::adjustment_end end = turbomap::adjustment_end::no_observations;  ///< why the fit ended: it may have failed
 };
 
 /// How rows are weighed: as the simulator drew them, or as adjustments of a map do.
@@ -118,7 +119,8 @@ fitted_poses adjust_observations(const turbomap::recording& recording, const Pol
   turbomap::bundle_problem<Policy, turbomap::pose_frame, turbomap::reprojections<Camera>> problem(ctx);
   problem.assign(ctx, {all.T_cw, fixed}, {all.points, held}, rows);
   fitted_poses fitted;
-  fitted.cost = turbomap::adjust<turbomap::every_adjustment_method>(ctx, problem, options).cost_final;
+  const auto summary = turbomap::adjust<turbomap::every_adjustment_method>(ctx, problem, options);
+  fitted.cost = summary.cost_final, fitted.end = summary.end;
   problem.frames(ctx, fitted.T_cw);
   return fitted;
 }

@@ -26,14 +26,15 @@
 namespace turbomap_replay {
 
 struct keypoint_offset_options {
-  std::size_t keyframes =
-      60;             ///< the first of the recording: enough for a sigma of a few hundredths, mapped in a second
-  double sigmas = 4;  ///< alpha has to be so much above 1/2: chance does that once in 30,000 recordings
+  /// The first of the recording: enough for a sigma of a few hundredths, mapped in a second.
+  std::size_t keyframes = 60;
+  /// So many sigmas alpha has to be above 1/2, which chance does once in 30,000 recordings, and may be above 3/2 at most.
+  double sigmas = 4;
 };
 
 /// alpha of a recording. See above.
 struct keypoint_offset {
-  double alpha = 0, sigma = 0;  ///< sigma 0: cannot be estimated, e.g. where no point is seen at two levels
+  double alpha = 0, sigma = 0;  ///< both 0: cannot be estimated, e.g. where no point is seen at two levels
   std::size_t observations = 0;
   bool multiplied = false;  ///< clearly nearer to 1: keypoints have to be moved to the full image
 
@@ -51,11 +52,30 @@ inline turbomap::keypoint partly_in_full_image(const turbomap::keypoint& k, cons
   return moved;
 }
 
+/// alpha where the costs of the best fits at 0, 1/2 and 1 are these: least + curvature (alpha - best)^2. The residuals' own
+/// size scales its standard deviation. Not estimated where the parabola has no least place or goes below 0 there, as no sum
+/// of squares does.
+/// \param freedom  residuals less unknowns, above 0
+inline keypoint_offset offset_of_costs(const double (&cost)[3], double freedom, std::size_t observations,
+                                       const keypoint_offset_options& options = {}) {
+  keypoint_offset found;
+  found.observations = observations;
+  const double curvature = 2 * (cost[0] - 2 * cost[1] + cost[2]);
+  if (!(curvature > 0) || !std::isfinite(curvature)) return found;
+  const double alpha = (1 - (cost[2] - cost[0]) / curvature) / 2;
+  const double least = cost[0] - curvature * alpha * alpha;
+  if (!(least > 0)) return found;
+  found.alpha = alpha, found.sigma = std::sqrt(least / freedom / curvature);
+  const double margin = options.sigmas * found.sigma;
+  found.multiplied = alpha - 0.5 > margin && alpha < 1.5 + margin;
+  return found;
+}
+
 /// Estimates alpha from the observations of a map of the recording's first keyframes, built with the keypoints as recorded.
 /// The cost of the best fit is a parabola in alpha, since the offset is small against everything else that is not linear:
-/// three fits, at 0, 1/2 and 1, give its least place and its curvature. The residuals' own size scales the standard
-/// deviation. O(three adjustments of all these keyframes). An observation whose chi-square is large was left out by the map
-/// under alpha = 0, which draws the estimate towards 0, not away from it.
+/// three fits, at 0, 1/2 and 1, give its least place and its curvature. O(three adjustments of all these keyframes). An
+/// observation whose chi-square is large was left out by the map under alpha = 0, which draws the estimate towards 0, not
+/// away from it. Not estimated where a fit fails, or where a level of the pyramid is less than a pixel, which has no offset.
 /// \param T_cw, alive  by keyframe of the recording; keyframes that are not in the map are not alive
 template <class Camera, class Policy>
 keypoint_offset estimate_keypoint_offset(const turbomap::recording& recording, const Policy& policy,
@@ -64,6 +84,9 @@ keypoint_offset estimate_keypoint_offset(const turbomap::recording& recording, c
                                          const std::vector<std::uint8_t>& alive, double stereo_correlation,
                                          const keypoint_offset_options& options = {}) {
   keypoint_offset found;
+  const turbomap::recording_meta& meta = recording.meta;
+  const double coarsest = std::pow(static_cast<double>(meta.scale_factor), meta.levels - 1);
+  if (!(std::round(std::min(meta.width, meta.height) / coarsest) >= 1)) return found;
   std::vector<std::size_t> views(map.points.size(), 0);
   for (const std::int32_t p : map.point) ++views[static_cast<std::size_t>(p)];
   std::vector<std::int32_t> number(views.size(), -1);
@@ -90,22 +113,18 @@ keypoint_offset estimate_keypoint_offset(const turbomap::recording& recording, c
       const std::int32_t point = number[static_cast<std::size_t>(map.point[r])];
       if (point < 0) continue;
       const auto& k = keypoints[static_cast<std::size_t>(map.frame[r])][static_cast<std::size_t>(map.keypoint[r])];
-      moved.add(recording, map.frame[r], partly_in_full_image(k, recording.meta, 0.5F * static_cast<float>(step)),
-                point);
+      moved.add(recording, map.frame[r], partly_in_full_image(k, meta, 0.5F * static_cast<float>(step)), point);
       residuals += k.u_right >= 0 ? 3 : 2;
     }
     found.observations = moved.frame.size();
     if (residuals <= 3 * points.size() + 6 * free_frames + 1) return found;
-    cost[step] = adjust_observations<Camera>(recording, policy, moved, fixed, weights).cost;
+    const fitted_poses fitted = adjust_observations<Camera>(recording, policy, moved, fixed, weights);
+    if (fitted.end == turbomap::adjustment_end::singular || fitted.end == turbomap::adjustment_end::not_finite)
+      return found;
+    cost[step] = fitted.cost;
   }
-  const double curvature = 2 * (cost[0] - 2 * cost[1] + cost[2]);  // cost = least + curvature (alpha - best)^2
   const double freedom = static_cast<double>(residuals - 3 * points.size() - 6 * free_frames);
-  if (!(curvature > 0) || !std::isfinite(curvature)) return found;
-  found.alpha = (1 - (cost[2] - cost[0]) / curvature) / 2;
-  const double least = cost[0] - curvature * found.alpha * found.alpha;
-  found.sigma = std::sqrt(std::max(least, 0.0) / freedom / curvature);
-  found.multiplied = found.alpha - 0.5 > options.sigmas * found.sigma;
-  return found;
+  return offset_of_costs(cost, freedom, found.observations, options);
 }
 
 }  // namespace turbomap_replay

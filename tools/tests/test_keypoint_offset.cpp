@@ -119,3 +119,37 @@ TEST_CASE("what tells nothing moves nothing") {
   CAPTURE(same.json().dump());
   CHECK_FALSE(same.multiplied);
 }
+
+TEST_CASE("a pyramid whose coarsest level is less than a pixel is not estimated, and does not throw") {
+  recording r = simulated(sim::euroc_rig(), 1);
+  multiply(r);
+  const map_observations map = map_of(r, 0);
+  r.meta.scale_factor = 5;
+  CHECK_FALSE(offset_of<turbomap::pinhole<float>>(r, map).multiplied);
+}
+
+TEST_CASE("alpha is nearer to 1 than to anything else, with a sigma") {
+  const auto decide = [](double least, double alpha, double curvature, double freedom) {
+    double cost[3];
+    for (int step = 0; step < 3; ++step) {
+      const double from_best = 0.5 * step - alpha;
+      cost[step] = least + curvature * from_best * from_best;
+    }
+    return turbomap_replay::offset_of_costs(cost, freedom, 7);
+  };
+  const keypoint_offset one = decide(1000, 1, 100, 1000);  // sigma 1/10
+  CHECK(one.alpha == doctest::Approx(1));
+  CHECK(one.sigma == doctest::Approx(0.1));
+  CHECK(one.observations == 7);
+  CHECK(one.multiplied);
+  CHECK_FALSE(decide(1000, 0, 100, 1000).multiplied);
+  CHECK_FALSE(decide(1000, 0.85, 100, 1000).multiplied);  // less than four sigmas above 1/2
+  CHECK(decide(1000, 1.85, 100, 1000).multiplied);        // ... above 3/2
+  CHECK_FALSE(decide(1000, 3, 100, 1000).multiplied);
+  for (const keypoint_offset& none : {decide(-1, 1, 100, 1000), decide(0, 1, 128, 1000), decide(1000, 1, 0, 1000),
+                                      decide(1000, 1, -100, 1000), decide(std::nan(""), 1, 100, 1000)}) {
+    CHECK(none.sigma == 0);
+    CHECK(none.alpha == 0);
+    CHECK_FALSE(none.multiplied);
+  }
+}
