@@ -44,11 +44,15 @@ std::vector<std::string> other_policies(const std::string& first) {
   return others;
 }
 
-/// The same replay under more policies; prints the times of all and adds the others' to the JSON.
+/// The same replay under more policies; prints the times of all and adds the others' to the JSON. What the first replay found
+/// out from observations is not found out again: it costs a replay, and another policy might differ.
 void run_beside(arguments a, outcome& result) {
   std::vector<nlohmann::json> replays{result.json};
   a.quiet = true;
   a.trajectory.clear(), a.ply.clear(), a.report.clear();
+  using turbomap_replay::choice;
+  if (result.json.contains("keypoint_offset"))
+    a.pixel_centres = result.json["pixel_centres"].get<bool>() ? choice::yes : choice::no;
   for (const std::string& policy : a.beside) {
     a.policy = policy;
     const outcome other = run(a);
@@ -233,7 +237,8 @@ int main(int argc, char** argv) try {
   if (a.accurate && rounds->count() == 0) a.global_rounds = 3;
   a.global_end = global == "end";
   if (!global.empty() && !a.global_end) a.global_every = std::stoi(global);
-  if (a.objects && (a.check || a.policy == "cuda" || std::count(a.beside.begin(), a.beside.end(), "cuda") != 0))
+  const bool cuda = a.policy == "cuda" || std::count(a.beside.begin(), a.beside.end(), "cuda") != 0;
+  if (a.objects && (a.check || cuda))
     throw std::invalid_argument("--map objects: not together with --check or the policy cuda");
   if (a.accurate && a.culling_observers >= 0 && a.culling_share < 0)
     throw std::invalid_argument("--culling-observers: with --preset accurate not without --culling-share");
@@ -244,10 +249,15 @@ int main(int argc, char** argv) try {
   a.imu = chosen(imu, uses_imu), a.pixel_centres = chosen(pixel_centres, centres);
   if (centres && a.check) throw std::invalid_argument("--pixel-centres: not together with --check");
   if (a.error_parts && a.check) throw std::invalid_argument("--error-parts: not together with --check");
-  if (a.check || a.objects || a.policy == "cuda" || std::count(a.beside.begin(), a.beside.end(), "cuda") != 0) {
+  if (a.check) a.pixel_centres = turbomap_replay::choice::no;
+  if (a.check || a.objects || cuda) {
     if (uses_imu) throw std::invalid_argument("--imu: not together with --check, --map objects or the policy cuda");
+    if (a.imu == turbomap_replay::choice::by_recording)
+      a.without_imu = a.check ? "--check" : a.objects ? "--map objects" : "policy cuda";
     a.imu = turbomap_replay::choice::no;
   }
+  if (a.imu == turbomap_replay::choice::no && a.imu_noise != 1)
+    throw std::invalid_argument("--imu-noise: the replay is without an IMU");
   a.growth = a.growth || !a.growth_file.empty();
   a.projected = associate == "projected";
   a.uncertain_tracking = points == "uncertain" || a.accurate, a.uncertain_fusion = fused == "uncertain";

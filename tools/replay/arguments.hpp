@@ -36,6 +36,8 @@ struct arguments {
   choice imu = choice::by_recording;  ///< the recording's IMU takes part; replay() knows whether. Replay mode
   double imu_noise = 1;               ///< noise densities of the recording's IMU are multiplied by
   choice pixel_centres = choice::by_recording;  ///< recorded keypoints are moved to the full image; likewise
+  std::string without_imu;                      ///< what forbids a recording's IMU where nobody did; empty: nothing
+  std::string work = "replay";                  ///< as the progress bar names it
   std::vector<std::string> beside;              ///< more policies that the recording is replayed under
   bool bound = true;                 ///< of a simulated recording: the error of the batch adjustment is computed
   bool error_parts = false;          ///< ... and what the error of the map comes from

@@ -161,7 +161,7 @@ class replayer {
   replay_result run() {
     {
       const std::size_t count = std::min(recording_.keyframe_count(), arguments_.most_keyframes);
-      turbomap_program::progress bar("replay under " + arguments_.policy, count);
+      turbomap_program::progress bar(arguments_.work + " under " + arguments_.policy, count);
       for (std::size_t i = 0; i < count; ++i, bar.advance()) step(static_cast<std::int32_t>(i));
     }
     if (arguments_.global_end && world_.size() != 0) adjust_globally();

@@ -84,7 +84,7 @@ keypoint_offset keypoint_offset_of(const turbomap::recording& recording, const P
   arguments plain;
   plain.policy = of.policy, plain.culling = false, plain.quiet = true, plain.gather_observations = true;
   plain.imu = plain.pixel_centres = choice::no;
-  plain.most_keyframes = options.keyframes;
+  plain.most_keyframes = options.keyframes, plain.work = "look at how keypoints were extracted";
   const auto r = replayer<turbomap::simple_map<orb, Camera>, Policy>(recording, policy, plain).run();
   return estimate_keypoint_offset<Camera>(recording, policy, r.observations, r.T_cw, r.alive,
                                           plain.correlation(recording), options);
@@ -111,6 +111,8 @@ template <class Camera, class Policy>
 outcome replay(const turbomap::recording& recording, const Policy& policy, const arguments& given) {
   nlohmann::json offset;
   const arguments arguments = decided<Camera>(recording, policy, given, offset);
+  if (!arguments.without_imu.empty() && !arguments.quiet && recording.meta.sensor == "inertial" && recording.has_imu())
+    std::printf("replayed without its IMU: %s\n", arguments.without_imu.c_str());
   replay_result result;
   std::vector<replay_row> rows;  // of all repetitions, the first keyframes left out
   for (int k = 0; k < arguments.repeat; ++k) {
