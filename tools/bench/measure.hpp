@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <numeric>
@@ -21,6 +22,7 @@
 
 #include "reference/search_oracle.hpp"
 
+#include "progress.hpp"
 #include "replay/recorded_keyframes.hpp"
 
 namespace turbomap_bench {
@@ -95,11 +97,13 @@ inline nlohmann::json interleave(int repetitions, const std::function<void()>& o
     return now_ms() - begin;
   };
   std::vector<double> a, b;
+  turbomap_program::progress bar("samples of a stage", static_cast<std::size_t>(std::max(repetitions, 0)));
   time_ms(ours);
   if (oracle) time_ms(oracle);
   for (int k = 0; k < repetitions; ++k) {
     a.push_back(time_ms(ours));
     if (oracle) b.push_back(time_ms(oracle));
+    bar.advance();
   }
   nlohmann::json times = {{"ms_median", median(a)}, {"floor_ms", floor_ms}};
   if (oracle) times["oracle_ms_median"] = median(b), times["ratio"] = median(b) / median(a);

@@ -9,8 +9,10 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstddef>
 #include <ctime>
 #include <memory_resource>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -20,6 +22,7 @@
 #include <turbomap/context.hpp>
 #include <turbomap/io/bal_factor.hpp>
 
+#include "progress.hpp"
 #include "recorded_problem.hpp"
 
 namespace turbomap_bundle {
@@ -87,6 +90,8 @@ solution<typename Problem::state> solve(const Policy& policy, int repeat, const 
   std::vector<double> setup, cpu_setup, adjust, cpu_adjust;
   auto nothing = options;
   nothing.max_iterations = 0;  // whatever is computed once and late
+  std::optional<turbomap_program::progress> bar;
+  if (repeat > 1) bar.emplace("adjustments", static_cast<std::size_t>(repeat));
   for (int i = 0; i < repeat; ++i) {
     const stopwatch first;
     assign(ctx, problem);
@@ -95,6 +100,7 @@ solution<typename Problem::state> solve(const Policy& policy, int repeat, const 
     const stopwatch second;
     s.summary = turbomap::adjust<Methods>(ctx, problem, options);
     adjust.push_back(second.ms()), cpu_adjust.push_back(second.cpu_ms());
+    if (bar) bar->advance();
   }
   s.ms_setup_first = setup.front();
   if (repeat > 1)
