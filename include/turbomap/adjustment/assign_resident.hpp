@@ -142,10 +142,10 @@ bool assign_resident(context<Policy>& ctx, Data& data, structure_builder& builde
                                        report};
   measurements.information = block.put(information, group.information.data());
   block.send();
-  for_each_index(policy, s.frames > s.landmarks ? s.frames : s.landmarks, estimate);
+  launch_place_estimate(policy, estimate);
   measurements.pixel = block.put(pixel, group.pixel.data()), measurements.report = report;
   block.send();
-  for_each_index(policy, input.most_chunks() * observation_padding, measurements);
+  launch_place_observations(policy, input.most_chunks() * observation_padding, measurements);
   observation_report& told = *data.workspace.observations.data();
   copy_out(policy, &told, report, sizeof told);
   ctx.synchronize();

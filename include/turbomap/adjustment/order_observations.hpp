@@ -104,6 +104,13 @@ struct place_observations {
   }
 };
 
+/// Puts the measurements of `entries` entries in their places.
+template <class Derived>
+void launch_place_observations(const thrust::execution_policy<Derived>& policy, int entries,
+                               const place_observations& work) {
+  for_each_index(derived(policy), entries, work);
+}
+
 /// Index = frame or landmark: the estimate that was given.
 template <class Frame>
 struct place_estimate {
@@ -128,6 +135,12 @@ struct place_estimate {
     if (!(detail::is_finite(p.x) && detail::is_finite(p.y) && detail::is_finite(p.z))) report->not_finite = 1;
   }
 };
+
+/// Puts the estimate of all frames and landmarks in its place.
+template <class Derived, class Frame>
+void launch_place_estimate(const thrust::execution_policy<Derived>& policy, const place_estimate<Frame>& work) {
+  for_each_index(derived(policy), work.frames > work.landmarks ? work.frames : work.landmarks, work);
+}
 
 TURBOMAP_END_NAMESPACE
 

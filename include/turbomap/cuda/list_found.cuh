@@ -34,12 +34,7 @@ template <int Threads>
 __device__ inline void scan_block(int mine, int& before, int& all) {
   __shared__ int of_warp[Threads / warp_size];
   const int lane = static_cast<int>(threadIdx.x) % warp_size, warp = static_cast<int>(threadIdx.x) / warp_size;
-  int up_to = mine;
-#pragma unroll
-  for (int d = 1; d < warp_size; d *= 2) {
-    const int other = __shfl_up_sync(whole_warp, up_to, static_cast<unsigned>(d));
-    if (lane >= d) up_to += other;
-  }
+  const int up_to = sum_up_to_lane(mine);
   if (lane == warp_size - 1) of_warp[warp] = up_to;
   __syncthreads();
   before = up_to - mine, all = 0;

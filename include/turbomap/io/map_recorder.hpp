@@ -45,8 +45,8 @@ class map_recorder {
 
   /// Appends a keyframe that is in the map with the associations that tracking made, and not processed yet. The caller holds the
   /// map's guard. A point that no keyframe before saw counts as made by this one.
-  /// \param data  the keyframe as it goes to local_mapper::insert(): arrays, or an object with keyframe_traits. Keypoints of camera
-  ///              0 first
+  /// \param data  the keyframe as it goes to local_mapper::insert(): arrays, or an object with keyframe_traits; keypoints of
+  ///              the first camera come first
   /// \param recent  points on probation, if the recording is to tell what tracking counted of them. Their keyframes are named by the
   ///                 index in the recording, first_keyframe_id too: the id of a recorded keyframe is its index
   /// \return its index. Throws what recorder::add() throws; nothing has been appended then. O(observations of its points)

@@ -41,8 +41,8 @@ class inertial_initialisation {
   /// Looks back in time from a keyframe, as far as motions are known, options.most_seconds at most. With bias_changed() of the
   /// traits the samples are integrated again at the biases that were found, and the estimate is repeated; where a repetition finds
   /// nothing, what was found before it stands.
-  /// \return what was found; its scale is that by which the map was scaled. Where it is not initialised, or `stale()`, the map is
-  ///         as it was
+  /// \return what was found; its scale is that by which the map was scaled. The map is as it was where it is not initialised,
+  ///         or `stale()`
   /// \throws std::invalid_argument  an option, T_bc, a pose or a motion that cannot be, or whose duration is not the time between
   ///         its keyframes (options.max_time_error): nothing is changed
   /// Takes the map's guard to read, and again to write; O(keyframes), with a scale O(map).

@@ -139,8 +139,8 @@ void set_up_search(context<Policy>& ctx, const posed_keyframe<Descriptor, Camera
   const detail::search_inputs<Descriptor, Camera, memory> inputs(neighbours.size(), slots, keypoints);
 
   auto& v = buffers.view;
-  v.neighbour_count = v.slot_count =
-      0;  // from here on memory may run out, and the arrays of the last result are replaced
+  // From here on memory may run out, and the arrays of the last result are replaced.
+  v.neighbour_count = v.slot_count = 0;
   buffers.queries.reserve(static_cast<std::size_t>(slots) + 1);
   buffers.candidates.resize_discard(neighbours.size() + static_cast<std::size_t>(candidate_count));
   buffers.pairs.resize_discard(static_cast<std::size_t>(pairs));

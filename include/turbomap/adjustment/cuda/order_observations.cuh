@@ -72,11 +72,7 @@ __device__ inline int scan_by_block(int n, Read read, Write write) {
   const int first = thread * each < n ? thread * each : n, last = first + each < n ? first + each : n;
   int own = 0;
   for (int i = first; i < last; ++i) own += read(i);
-  int before = own;
-  for (int d = 1; d < warp_size; d *= 2) {
-    const int x = __shfl_up_sync(whole_warp, before, d);
-    if (lane >= d) before += x;
-  }
+  int before = sum_up_to_lane(own);
   __syncthreads();  // somebody may still read the sums of the scan before
   if (lane == warp_size - 1) of_warp[warp] = before;
   __syncthreads();
@@ -213,11 +209,7 @@ __device__ inline void keep_bin(const std::int32_t* bin_of, int n, int bin, Take
     for (int k = 0; k < each; ++k)
       if (first + k < n && bin_of[first + k] == bin) mine |= 1U << k;
     const int own = __popc(mine);
-    int before = own;
-    for (int d = 1; d < warp_size; d *= 2) {
-      const int x = __shfl_up_sync(whole_warp, before, d);
-      if (lane >= d) before += x;
-    }
+    int before = sum_up_to_lane(own);
     if (lane == warp_size - 1) of_warp[turn][warp] = before;
     __syncthreads();  // one is enough: the next turn writes beside
     before += before_all - own;
