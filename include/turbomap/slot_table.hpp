@@ -11,6 +11,7 @@
 #include <limits>
 
 #include "plain_vector.hpp"
+#include "prefetch.hpp"
 
 namespace turbomap {
 
@@ -62,7 +63,7 @@ class slot_table {
   /// The generation that the slot's handles have now (the slot is not checked).
   std::uint32_t generation(std::uint32_t slot) const { return slots_[slot].generation; }
   /// Prefetches the entry of a slot; any number does no harm.
-  void prefetch(std::uint32_t slot) const { __builtin_prefetch(slots_.data() + slot); }
+  void prefetch(std::uint32_t slot) const { prefetch_line(slots_.data() + slot); }
   /// Number of slots that are alive.
   std::size_t alive_count() const { return alive_; }
   /// Number of slots ever acquired, whatever their state: slots are below it.

@@ -99,8 +99,8 @@ struct map_traits {
 };
 
 /// What is read soon of a point, for prefetch() of the traits. Sums are given. The point is never point{}, but it may be dead, or
-/// its memory gone. __builtin_prefetch does no harm at any address, a read does: prefetch() reads only where it has checked that
-/// it may, for example an array at an index below its size.
+/// its memory gone. prefetch_line() (prefetch.hpp) does no harm at any address, a read does: prefetch() reads only where it has
+/// checked that it may, for example an array at an index below its size. Of __builtin_prefetch alone g++ leaves nothing.
 enum class point_data : unsigned {
   entry = 1,      ///< whether it is alive, its position, its reference, where its observations are
   views = 2,      ///< its observations; `entry` of the same point was asked for some points before

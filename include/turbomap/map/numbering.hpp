@@ -12,6 +12,7 @@
 
 #include "../config.hpp"
 #include "../plain_vector.hpp"
+#include "../prefetch.hpp"
 #include "id_table.hpp"
 #include "map_traits.hpp"
 
@@ -79,7 +80,7 @@ class numbering {
     if constexpr (indexed) {
       if (name == Name{}) return;
       const auto at = static_cast<std::size_t>(map_traits<Map>::index(map, name));
-      if (at < cells_.size()) __builtin_prefetch(cells_.data() + at);
+      if (at < cells_.size()) prefetch_line(cells_.data() + at);
     }
   }
 

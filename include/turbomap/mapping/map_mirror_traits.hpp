@@ -11,6 +11,7 @@
 #include <type_traits>
 
 #include "../map/map_traits.hpp"
+#include "../prefetch.hpp"
 #include "map_mirror.hpp"
 
 namespace turbomap {
@@ -164,12 +165,12 @@ struct map_traits<map_mirror<Map>> {
     const auto wants = [what](point_data d) { return (what & static_cast<unsigned>(d)) != 0; };
     if (wants(point_data::entry)) {
       m.point_places_.prefetch(p.index), m.lists_.prefetch_place(i);
-      __builtin_prefetch(&m.positions_[i]), __builtin_prefetch(&m.points_[i]);
+      prefetch_line(&m.positions_[i]), prefetch_line(&m.points_[i]);
     }
     if (wants(point_data::views)) m.lists_.prefetch(i);
     if (wants(point_data::appearance)) {
-      __builtin_prefetch(&m.normals_[i]), __builtin_prefetch(&m.ranges_[i]);
-      __builtin_prefetch(m.descriptors_.data() + i * mirror::elements);
+      prefetch_line(&m.normals_[i]), prefetch_line(&m.ranges_[i]);
+      prefetch_line(m.descriptors_.data() + i * mirror::elements);
     }
   }
   template <class F>

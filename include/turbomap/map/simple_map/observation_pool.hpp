@@ -11,6 +11,7 @@
 #include <cstdint>
 
 #include "../../plain_vector.hpp"
+#include "../../prefetch.hpp"
 #include "../../span.hpp"
 
 namespace turbomap {
@@ -34,11 +35,11 @@ class observation_pool {
     return {elements_.data() + b.begin, b.count};
   }
   /// Asks memory for where a list is.
-  void prefetch_place(std::size_t list) const { __builtin_prefetch(&lists_[list]); }
+  void prefetch_place(std::size_t list) const { prefetch_line(&lists_[list]); }
   /// Asks memory for the first two dozen observations of a list.
   void prefetch(std::size_t list) const {
     const auto* const first = reinterpret_cast<const char*>(elements_.data() + lists_[list].begin);
-    __builtin_prefetch(first), __builtin_prefetch(first + 64), __builtin_prefetch(first + 128);
+    prefetch_line(first), prefetch_line(first + 64), prefetch_line(first + 128);
   }
   /// Throws std::bad_alloc, and changes nothing, when there is no room.
   void add(std::size_t list, const observation& o) {

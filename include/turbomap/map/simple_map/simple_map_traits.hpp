@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "../../prefetch.hpp"
 #include "../../span.hpp"
 #include "../../types.hpp"
 #include "../map_traits.hpp"
@@ -81,12 +82,12 @@ struct map_traits<simple_map<Descriptor, Camera>> {
     const auto wants = [what](point_data d) { return (what & static_cast<unsigned>(d)) != 0; };
     if (wants(point_data::entry)) {
       m.point_places_.prefetch(p.index), m.observations_.prefetch_place(i);
-      __builtin_prefetch(&m.positions_[i]), __builtin_prefetch(&m.points_[i]);
+      prefetch_line(&m.positions_[i]), prefetch_line(&m.points_[i]);
     }
     if (wants(point_data::views)) m.observations_.prefetch(i);
     if (wants(point_data::appearance)) {
-      __builtin_prefetch(&m.normals_[i]), __builtin_prefetch(&m.ranges_[i]);
-      __builtin_prefetch(m.descriptors_.data() + i * map::elements);
+      prefetch_line(&m.normals_[i]), prefetch_line(&m.ranges_[i]);
+      prefetch_line(m.descriptors_.data() + i * map::elements);
     }
   }
   template <class F>
