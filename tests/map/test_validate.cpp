@@ -243,6 +243,7 @@ TEST_CASE("commits refuse what contradicts itself, and leave the map as it was")
       } else if (commit == 1) {
         turbomap::keyframe_culling_options o;
         o.redundant_share = 0, o.observers = 1, o.octave_slack = 7;
+        o.fewest_measurements = 100;  // all points would die, so all of them is looked at
         std::vector<turbomap::culling_record<turbomap::map_keyframe_id>> records;
         std::vector<turbomap::map_point_id> touched;
         const std::vector<turbomap::map_keyframe_id> candidates{w.k[0], w.k[1]};
@@ -260,6 +261,30 @@ TEST_CASE("commits refuse what contradicts itself, and leave the map as it was")
       }
     }
   }
+}
+
+TEST_CASE("a keyframe is taken out beside lies that do not concern the removal, and makes no new ones") {
+  turbomap::keyframe_culling_options o;
+  o.redundant_share = 0, o.observers = 1, o.octave_slack = 7;
+  std::vector<std::string> taken;
+  for (const lie& one : lies()) {
+    if (!one.refused) continue;
+    CAPTURE(one.name);
+    small_world w;
+    one.tell(w);
+    const auto before = everything(w.map);
+    std::vector<turbomap::culling_record<turbomap::map_keyframe_id>> records;
+    turbomap::fault_list noted;
+    turbomap::cull_keyframes(w.map, w.k[5], turbomap::span<const turbomap::map_keyframe_id>(&w.k[1], 1), o, records,
+                             nullptr, turbomap::ignore_keyframe(), turbomap::fault_sink(noted));
+    CHECK((records[0].verdict == turbomap::culling_verdict::erased) == noted.empty());
+    CHECK((everything(w.map) == before) == !noted.empty());
+    if (!noted.empty()) continue;
+    taken.push_back(one.name);
+    CHECK(w.faults() == one.expected);
+  }
+  CHECK(taken ==
+        std::vector<std::string>{"observation whose slot is empty", "observation whose slot holds another point"});
 }
 
 TEST_CASE("a commit looks at the point that is found, and at the one that it would replace") {

@@ -164,6 +164,62 @@ keyframe_culling_options inertial() {
   return o;
 }
 
+TEST_CASE_TEMPLATE("a counter that is used again counts as one look does", Map, flat_map, pointer_map) {
+  std::mt19937 random(5);
+  turbomap::redundancy_counter<Map> counter;
+  std::vector<std::uint32_t> scratch;
+  for (int maps = 0; maps < 4; ++maps) {
+    culling<Map> c;
+    for (std::uint32_t i = 0; i < 12; ++i)
+      c.add(random_keypoints(static_cast<std::uint32_t>(random()), 2, 5, 60 + 10 * static_cast<int>(random() % 3)));
+    for (int i = 0; i < 60; ++i) {
+      c.p.push_back(turbomap::map_traits<Map>::add_point(c.map, {}, c.k[0]));
+      for (int n = 0; n < 12; ++n) turbomap::observe(c.map, c.p.back(), c.k[random() % 12], random() % 120);
+    }
+    for (int round = 0; round < 12; ++round) {
+      keyframe_culling_options o;
+      o.max_depth = round % 6 < 3 ? 5.F : 0.F;
+      o.observers = round % 4;
+      for (int edit = 0; edit < 20; ++edit) turbomap::forget(c.map, c.k[random() % 12], random() % 120);
+      counter.clear();
+      for (int n = 0; n < 30; ++n) {
+        const auto k = c.k[random() % 12];
+        if (n % 7 == 0) counter.forget(c.map, k);
+        const auto a = counter(c.map, k, o), b = turbomap::count_redundant(c.map, k, o, scratch);
+        CHECK(a.points == b.points);
+        CHECK(a.redundant == b.redundant);
+      }
+    }
+  }
+}
+
+TEST_CASE("what a counter knows may keep a keyframe, but take none out") {
+  culling<flat_map> c;
+  for (int i = 0; i < 6; ++i) c.add({make_keypoint(0), make_keypoint(0)});
+  const auto p = c.map.add_point({}, c.k[0]);
+  for (std::size_t i = 0; i < 5; ++i) turbomap::observe(c.map, p, c.k[i], 0);
+  const keyframe_culling_options o;
+  turbomap::redundancy_counter<flat_map> counter;
+  const auto run = [&] {
+    c.records.clear();
+    turbomap::cull_keyframes(c.map, c.k[5], turbomap::span<const turbomap::map_keyframe_id>(&c.k[1], 1), o, c.records,
+                             nullptr, turbomap::ignore_keyframe(), {}, counter);
+  };
+  CHECK(counter(c.map, c.k[1], o).redundant == 1);
+  turbomap::forget(c.map, c.k[4], 0);  // by somebody else
+  CHECK(counter(c.map, c.k[1], o).redundant == 1);
+  run();
+  CHECK(c.verdicts() == verdicts{needed});
+  CHECK(c.records[0].count.redundant == 0);
+
+  turbomap::observe(c.map, p, c.k[4], 0);
+  run();
+  CHECK(c.verdicts() == verdicts{needed});
+  counter.clear();
+  run();
+  CHECK(c.verdicts() == verdicts{erased});
+}
+
 TEST_CASE("guards in time: enough keyframes, not the last ones, no gap") {
   const auto o = inertial();
   {

@@ -226,10 +226,10 @@ nlohmann::json time_culling(map_scene<Policy>& scene, int repetitions, double di
   turbomap_test::oracle_culling_rules rules;
   rules.share = 1;
   std::vector<turbomap::redundancy> counts;
-  std::vector<std::uint32_t> scratch;
+  turbomap::redundancy_counter<typename scene_type::map_type> counter;
   const auto ours = [&] {
-    counts.clear();
-    for (const keyframe k : candidates) counts.push_back(count_redundant(scene.map, k, options, scratch));
+    counts.clear(), counter.clear();
+    for (const keyframe k : candidates) counts.push_back(counter(scene.map, k, options));
   };
   std::vector<turbomap_test::oracle_culled> expected;
   const auto oracle = [&] {

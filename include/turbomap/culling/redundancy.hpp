@@ -36,6 +36,12 @@ struct keyframe_culling_options {
   bool inertial_initialised = true;
 };
 
+/// Keyframes that have to see a point, the one that is looked at among them: it does at the finest octave of its cameras, so never
+/// coarser than the view that is looked at.
+inline std::uint32_t observers_with_own(const keyframe_culling_options& options) {
+  return static_cast<std::uint32_t>(options.observers) + 2;
+}
+
 /// The points of a keyframe that count, and those of them that enough others see as well.
 struct redundancy {
   int points = 0;     ///< that count
@@ -61,13 +67,18 @@ inline std::uint32_t count_up_to(span<const std::uint32_t> counts, int octave, s
   return sum;
 }
 
-/// Whether that is `enough`. For a loop over many points, where a branch on an octave, or a count, would be hard to predict.
-inline bool reaches(span<const std::uint32_t> counts, int octave, std::uint32_t enough) {
-  constexpr std::size_t usual = 8;  // levels of a pyramid [ORB-SLAM3]: one vector
-  if (counts.size() != usual) return count_up_to(counts, octave, enough) >= enough;
+/// Coarser than any octave with its slack, which are bytes.
+inline constexpr std::uint16_t beyond_octaves = 1024;
+/// The finest octave up to which `enough` keyframes see a point; beyond_octaves where all of them are fewer.
+/// \param counts  observers of the point per octave, finest first
+inline std::uint16_t enough_from(span<const std::uint32_t> counts, std::uint32_t enough) {
   std::uint32_t sum = 0;
-  for (std::size_t o = 0; o < usual; ++o) sum += static_cast<int>(o) <= octave ? counts[o] : 0;
-  return sum >= enough;
+  std::uint16_t octave = 0;  // a sum of flags: where a loop ends that depends on counts is hard to predict
+  for (const std::uint32_t count : counts) {
+    sum += count;
+    octave = static_cast<std::uint16_t>(octave + (sum < enough ? 1 : 0));
+  }
+  return sum < enough ? beyond_octaves : octave;
 }
 
 /// Throws std::invalid_argument naming the option that is out of range.

@@ -159,4 +159,42 @@ bool require_consistent_keyframe(const Map& map, typename map_traits<Map>::keyfr
   return sound;
 }
 
+/// Whether a live keyframe can be taken out as erase_keyframe() does it: its slots agree with the points in them, and what else
+/// the removal reads or writes is sound. That is all of a point that is left with `fewest` measurements or fewer; of one that
+/// lives on, the keyframe's own views, that all observers are alive and have the keypoints. By default throws
+/// inconsistent_map. O(views of its points).
+template <class Map>
+bool require_removable(const Map& map, typename map_traits<Map>::keyframe keyframe, int fewest,
+                       fault_sink faults = {}) {
+  using traits = map_traits<Map>;
+  const std::size_t keypoints = keypoint_count_of(map, keyframe);
+  bool sound = true;
+  for_each_slot_ahead<point_data::entry + point_data::views>(map, keyframe, [&](std::size_t slot, const auto& point) {
+    if (point == typename traits::point{}) return;
+    const auto is_sound_own = [&](std::size_t i) {
+      if (i >= keypoints || !(traits::point_at(map, keyframe, i) == point)) return false;
+      if constexpr (counts_octaves_v<Map>)
+        return keypoint_of(map, keyframe, i).octave < traits::octave_counts(map, point).size();
+      return true;
+    };
+    bool listed = false, suspect = false;
+    int left = 0;
+    if (traits::alive(map, point))
+      traits::for_each_observation(map, point, [&](typename traits::keyframe k, std::size_t i) {
+        if (k == keyframe)
+          listed = listed || i == slot, suspect = suspect || !is_sound_own(i);
+        else if (k == typename traits::keyframe{} || !traits::alive(map, k))
+          suspect = true;
+        else if (i >= keypoint_count_of(map, k))  // any of them may be asked for once the own view is gone
+          suspect = true;
+        else if (left <= fewest)
+          left += keypoint_of(map, k, i).u_right >= 0 ? 2 : 1;
+      });
+    if (!listed) sound = require_consistent_slot(map, keyframe, slot, faults) && sound;
+    if (traits::alive(map, point) && (suspect || left <= fewest))
+      sound = require_consistent(map, point, faults) && sound;
+  });
+  return sound;
+}
+
 TURBOMAP_END_NAMESPACE

@@ -61,56 +61,113 @@ std::uint32_t observers_up_to(const Map& map, typename map_traits<Map>::point po
   }
 }
 
+/// Whether a keypoint is near enough to count, where the depth matters. No branch: which are cannot be predicted.
+inline int is_near(const keypoint& k, const keyframe_culling_options& options) {
+  return static_cast<int>(k.depth >= 0) & static_cast<int>(k.depth <= options.max_depth);
+}
+
 /// Points of the keyframe that count, and how many of them are redundant. A short sum per point where the map keeps counts
 /// (counts_octaves_v). `scratch` is reused memory. O(keypoints).
 template <class Map, class List>
 redundancy count_redundant(const Map& map, typename map_traits<Map>::keyframe keyframe,
                            const keyframe_culling_options& options, List& scratch) {
   using traits = map_traits<Map>;
-  const typename traits::point none{};
+  const std::uint32_t enough = observers_with_own(options);
   redundancy count;
-  const std::size_t keypoints = keypoint_count_of(map, keyframe);
-  const bool at_any_depth = !(options.max_depth > 0);  // then no keypoint is read for it
-  const auto is_near = [&](std::size_t i) {
-    if (at_any_depth) return 1;
-    // No branch: which keypoints are near cannot be predicted.
+  for (std::size_t i = 0; i < keypoint_count_of(map, keyframe); ++i) {
+    const auto point = traits::point_at(map, keyframe, i);
+    if (point == typename traits::point{} || !traits::alive(map, point)) continue;
     const auto& k = keypoint_of(map, keyframe, i);
-    return static_cast<int>(k.depth >= 0) & static_cast<int>(k.depth <= options.max_depth);
-  };
-  // The keyframe itself is one of the observers, at the finest octave of its cameras, so never coarser than this view.
-  const auto enough = static_cast<std::uint32_t>(options.observers) + 2;
-  if constexpr (counts_octaves_v<Map> && point_numbering<Map>::indexed) {
-    // Whether a slot is empty, and a keypoint near, cannot be predicted: those that count are listed first, without a branch.
-    if (scratch.size() < keypoints) scratch.resize(keypoints);
-    std::size_t listed = 0;
-    for (std::size_t i = 0; i < keypoints; ++i) {
-      scratch[listed] = static_cast<std::uint32_t>(i);
-      listed += static_cast<std::size_t>(static_cast<int>(!(traits::point_at(map, keyframe, i) == none)) & is_near(i));
-    }
-    for (std::size_t n = 0; n < listed; ++n) {
-      const auto i = static_cast<std::size_t>(scratch[n]);
-      const auto point = traits::point_at(map, keyframe, i);
-      if (!traits::alive(map, point)) continue;
-      const auto& counts = traits::octave_counts(map, point);
-      ++count.points;
-      count.redundant +=
-          reaches({counts.data(), counts.size()}, keypoint_of(map, keyframe, i).octave + options.octave_slack, enough)
-              ? 1
-              : 0;
-    }
-  } else {
-    for (std::size_t i = 0; i < keypoints; ++i) {
-      const auto point = traits::point_at(map, keyframe, i);
-      if (point == none || !traits::alive(map, point)) continue;
-      if (is_near(i) == 0) continue;
-      const auto& k = keypoint_of(map, keyframe, i);
-      ++count.points;
-      count.redundant +=
-          observers_up_to(map, point, k.octave + options.octave_slack, enough, scratch) >= enough ? 1 : 0;
-    }
+    if (options.max_depth > 0 && is_near(k, options) == 0) continue;
+    ++count.points;
+    count.redundant += observers_up_to(map, point, k.octave + options.octave_slack, enough, scratch) >= enough ? 1 : 0;
   }
   return count;
 }
+
+/// Counts as count_redundant() does, for many keyframes that share points: of each point the octave from which on enough
+/// keyframes see it is found once, and known until forget(). Where a map keeps no counts, or has no indices of points, it is
+/// count_redundant(). Make one and use it again: its memory is reused.
+template <class Map>
+class redundancy_counter {
+ public:
+  using traits = map_traits<Map>;                                                        ///< how the map is read
+  using keyframe = typename traits::keyframe;                                            ///< names a keyframe
+  using point = typename traits::point;                                                  ///< names a point
+  static constexpr bool keeps = counts_octaves_v<Map> && point_numbering<Map>::indexed;  ///< anything between calls
+
+  /// Nothing is known any more: the map, or the options, may be others. O(points that were known).
+  void clear() {
+    if constexpr (keeps)  // else known_ is the scratch of count_redundant()
+      for (const std::uint32_t i : known_) enough_[i] = unknown;
+    known_.clear();
+  }
+  /// The points of a keyframe are looked up again.
+  void forget(const Map& map, const keyframe& k) {
+    if constexpr (keeps) {
+      for (std::size_t i = 0; i < keypoint_count_of(map, k); ++i) {
+        const point p = traits::point_at(map, k, i);
+        if (p == point{}) continue;
+        const auto at = static_cast<std::size_t>(traits::index(map, p));
+        if (at < enough_.size() && enough_[at] != unknown) enough_[at] = stale;
+      }
+    }
+  }
+  /// As count_redundant(). O(keypoints).
+  redundancy operator()(const Map& map, const keyframe& k, const keyframe_culling_options& options) {
+    if constexpr (!keeps) {
+      return count_redundant(map, k, options, known_);
+    } else {
+      redundancy count;
+      const std::size_t listed = list(map, k, options);
+      for (std::size_t n = 0; n < listed; ++n) {
+        const auto [i, p] = listed_[n];
+        if (p >= enough_.size()) enough_.resize(p + p / 2 + 16, unknown);
+        if (enough_[p] >= stale) look_up(map, traits::point_at(map, k, i), p, options);
+        const std::uint16_t enough = enough_[p];
+        count.points += enough != dead ? 1 : 0;
+        count.redundant += keypoint_of(map, k, i).octave + options.octave_slack >= enough ? 1 : 0;
+      }
+      return count;
+    }
+  }
+
+ private:
+  struct view {
+    std::uint32_t keypoint, point;  ///< by index
+  };
+  // In enough_, besides octaves and beyond_octaves.
+  static constexpr std::uint16_t dead = beyond_octaves + 1;         ///< does not count
+  static constexpr std::uint16_t stale = 2 * beyond_octaves;        ///< to be looked up
+  static constexpr std::uint16_t unknown = 2 * beyond_octaves + 1;  ///< that, and not in known_
+
+  /// Whether a slot is empty, and a keypoint near, cannot be predicted: those that count are listed first, without a branch.
+  std::size_t list(const Map& map, const keyframe& k, const keyframe_culling_options& options) {
+    const std::size_t keypoints = keypoint_count_of(map, k);
+    const bool at_any_depth = !(options.max_depth > 0);  // then no keypoint is read for it
+    if (listed_.size() < keypoints) listed_.resize(keypoints);
+    std::size_t listed = 0;
+    for (std::size_t i = 0; i < keypoints; ++i) {
+      const point p = traits::point_at(map, k, i);
+      const bool there = !(p == point{});
+      listed_[listed] = {static_cast<std::uint32_t>(i), there ? static_cast<std::uint32_t>(traits::index(map, p)) : 0U};
+      listed += static_cast<std::size_t>(static_cast<int>(there) &
+                                         (at_any_depth ? 1 : is_near(keypoint_of(map, k, i), options)));
+    }
+    return listed;
+  }
+  void look_up(const Map& map, const point& p, std::uint32_t index, const keyframe_culling_options& options) {
+    if (enough_[index] == unknown) known_.push_back(index);
+    enough_[index] = dead;
+    if (!traits::alive(map, p)) return;
+    const auto& counts = traits::octave_counts(map, p);
+    enough_[index] = enough_from({counts.data(), counts.size()}, observers_with_own(options));
+  }
+
+  plain_vector<std::uint16_t> enough_;  ///< by index of the point
+  plain_vector<std::uint32_t> known_;   ///< indices; scratch where nothing is kept
+  plain_vector<view> listed_;
+};
 
 /// Where the current keyframe stands in time: what the guards of inertial systems ask for.
 template <class Map>
@@ -177,17 +234,18 @@ struct ignore_keyframe {
 /// \param touched     null, or a pointer to a list: points that lost a view and live on are appended
 /// \param erasing     erasing(keyframe): called before a keyframe is taken out
 /// \param faults      where to note contradictions instead; the keyframe then stays and the next is looked at
+/// \param counter     what it knows from before is trusted where it keeps a keyframe, and looked up again before one is erased
 /// \throws std::invalid_argument  an option out of range
 /// O(keypoints of the candidates + views of removed ones).
-template <class Map, class Records, class Touched = std::nullptr_t, class Erasing = ignore_keyframe>
+template <class Map, class Records, class Touched, class Erasing>
 void cull_keyframes(Map& map, typename map_traits<Map>::keyframe current,
                     span<const typename map_traits<Map>::keyframe> candidates, const keyframe_culling_options& options,
-                    Records& records, Touched touched = nullptr, const Erasing& erasing = {}, fault_sink faults = {}) {
+                    Records& records, Touched touched, const Erasing& erasing, fault_sink faults,
+                    redundancy_counter<Map>& counter) {
   using traits = map_traits<Map>;
   static_assert(require_map_traits<Map>());
   check(options);
   records.reserve(records.size() + candidates.size());
-  plain_vector<std::uint32_t> scratch;
   constexpr bool has_time = detail::map_has_v<Map, detail::map_temporal_member>;
   require(!options.temporal_guards || has_time, "options.temporal_guards", options.temporal_guards,
           "needs map_traits with time, previous and next");
@@ -212,18 +270,26 @@ void cull_keyframes(Map& map, typename map_traits<Map>::keyframe current,
       records.push_back({keyframe, id, {}, culling_verdict::protected_});
       continue;
     }
-    redundancy count = count_redundant(map, keyframe, options, scratch);
+    redundancy count = counter(map, keyframe, options);
     bool erase = is_redundant(count, options);
+    const auto look_up_again = [&] {
+      counter.forget(map, keyframe);
+      count = counter(map, keyframe, options);
+      erase = erase && is_redundant(count, options);
+    };
+    if (redundancy_counter<Map>::keeps && erase) look_up_again();
     if constexpr (has_time)
       if (erase && options.temporal_guards) erase = !leaves_gap(map, keyframe, state, options);
     if (is_copy_v<Map> && erase && look_at_all(map, keyframe, options.fewest_measurements)) {
-      count = count_redundant(map, keyframe, options, scratch);
-      erase = traits::alive(map, keyframe) && is_redundant(count, options);
+      look_up_again();
+      erase = erase && traits::alive(map, keyframe);
     }
-    if constexpr (counts_octaves_v<Map>) erase = erase && require_consistent_keyframe(map, keyframe, faults);
+    if constexpr (counts_octaves_v<Map>)
+      erase = erase && require_removable(map, keyframe, options.fewest_measurements, faults);
     if (erase) {
       if constexpr (!std::is_null_pointer_v<Touched>)
         if (touched != nullptr) touched->reserve(touched->size() + keypoint_count_of(map, keyframe));
+      counter.forget(map, keyframe);
       erasing(keyframe);
       erase_keyframe(map, keyframe, options.fewest_measurements, touched);
       if constexpr (has_time)
@@ -231,6 +297,15 @@ void cull_keyframes(Map& map, typename map_traits<Map>::keyframe current,
     }
     records.push_back({keyframe, id, count, erase ? culling_verdict::erased : culling_verdict::needed});
   }
+}
+
+/// The same with a counter of its own, which knows nothing from before.
+template <class Map, class Records, class Touched = std::nullptr_t, class Erasing = ignore_keyframe>
+void cull_keyframes(Map& map, typename map_traits<Map>::keyframe current,
+                    span<const typename map_traits<Map>::keyframe> candidates, const keyframe_culling_options& options,
+                    Records& records, Touched touched = nullptr, const Erasing& erasing = {}, fault_sink faults = {}) {
+  redundancy_counter<Map> counter;
+  cull_keyframes(map, current, candidates, options, records, touched, erasing, faults, counter);
 }
 
 /// The stage: keyframes that share points with the current one are looked at, those that share most first. It counts and
@@ -252,7 +327,7 @@ class keyframe_culling {
   const list_of<keyframe>& snapshot(const scope& s, keyframe current, const neighbourhood_options& options,
                                     int most = 0) {
     const auto guard = s.guard();
-    touched_.clear();
+    touched_.clear(), counter_.clear();
     const auto in_store = [&](keyframe k) {
       return traits::alive(s.map, k) && s.stored.contains(traits::id(s.map, k));
     };
@@ -266,8 +341,8 @@ class keyframe_culling {
     const auto guard = s.guard();
     if (!traits::alive(s.map, candidate)) return;
     records_.clear();
-    cull_keyframes(s.map, current, span<const keyframe>(&candidate, 1), options, records_, &touched_, erasing,
-                   s.faults);
+    cull_keyframes(s.map, current, span<const keyframe>(&candidate, 1), options, records_, &touched_, erasing, s.faults,
+                   counter_);
     for (const auto& record : records_)
       if (record.verdict == culling_verdict::erased) erased(record.id);
   }
@@ -279,6 +354,7 @@ class keyframe_culling {
   list_of<keyframe> candidates_;
   list_of<culling_record<keyframe>> records_;
   list_of<point> touched_;
+  redundancy_counter<Map> counter_;
 };
 
 TURBOMAP_END_NAMESPACE
