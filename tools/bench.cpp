@@ -30,21 +30,33 @@ turbomap::recording simulated_recording() {
   return sim::simulate(sim::builtin_trajectory(rig.cameras[0].T_bc), rig, options);
 }
 
+/// Eleven keyframes of about 3000 keypoints.
+turbomap::recording recording_for_calls(const std::string& cameras) {
+  namespace sim = turbomap::simulation;
+  auto rig = cameras == "stereo" ? sim::euroc_rig() : sim::tum_vi_rig();
+  rig.features = cameras == "stereo" ? 3000 : 1500;  // per camera with descriptors
+  sim::simulation_options options;
+  options.motion.most_keyframes = 11;
+  return sim::simulate(sim::builtin_trajectory(rig.cameras[0].T_bc), rig, options);
+}
+
 nlohmann::json run(const turbomap_bench::arguments& a, std::string& machine) {
-  const turbomap::recording recording =
-      a.recording.empty() ? simulated_recording() : turbomap::read_recording(a.recording);
+  const turbomap::recording recording = !a.calls.empty()      ? recording_for_calls(a.calls)
+                                        : a.recording.empty() ? simulated_recording()
+                                                              : turbomap::read_recording(a.recording);
+  const bool adjustments = !a.calls.empty() || !a.recording.empty();
 #if defined(TURBOMAP_PROGRAM_WITH_CUDA)
   if (a.policy == "cuda") {
     std::string device;
     nlohmann::json stages = turbomap_bench::run_cuda(recording, a, device);
     machine += ", " + device;
-    if (!a.recording.empty()) stages.update(turbomap_bench::run_adjustments_on_device(recording, a));
+    if (adjustments) stages.update(turbomap_bench::run_adjustments_on_device(recording, a));
     return stages;
   }
 #endif
   (void)machine;
   nlohmann::json stages = turbomap_bench::run(turbomap_program::host_policy(a.policy), recording, a);
-  if (!a.recording.empty()) stages.update(turbomap_bench::run_adjustments_on_host(recording, a));
+  if (adjustments) stages.update(turbomap_bench::run_adjustments_on_host(recording, a));
   return stages;
 }
 
@@ -57,9 +69,15 @@ int main(int argc, char** argv) try {
       "Examples:\n"
       "  turbomap-bench                      all stages, sequential\n"
       "  turbomap-bench --policy omp --json bench.json\n"
-      "  turbomap-bench --recording recordings/euroc_v102_stereo");
+      "  turbomap-bench --recording recordings/euroc_v102_stereo\n"
+      "  turbomap-bench --calls stereo --policy cuda");
   app.add_option("--recording", a.recording,
                  "a recording with snapshots: the stages on what it recorded, in place of those on a simulated one");
+  app.add_option(
+         "--calls", a.calls,
+         "in place of stages, single calls of search and motion-only adjustment as their size grows, by cameras")
+      ->check(CLI::IsMember({"stereo", "fisheyes"}))
+      ->excludes("--recording");
   app.add_option("--policy", a.policy, "execution policy")->check(CLI::IsMember({"seq", "omp", "tbb", "cuda"}));
   app.add_option("--json", a.json, "write the result to this file");
   app.add_option("--repetitions", a.repetitions, "samples of each stage, at least 30 to quote them")
@@ -75,10 +93,10 @@ int main(int argc, char** argv) try {
   result["stages"] = run(a, machine);
   result["machine"] = machine;
   result["policy"] = a.policy;
-  std::printf("%s, policy %s, medians of %d\n%-18s %12s %12s %8s %12s\n", machine.c_str(), a.policy.c_str(),
+  std::printf("%s, policy %s, medians of %d\n%-29s %12s %12s %8s %12s\n", machine.c_str(), a.policy.c_str(),
               a.repetitions, "stage (ms)", "ours", "oracle", "ratio", "floor");
   for (const auto& [name, s] : result["stages"].items()) {
-    std::printf("%-18s %12.4f", name.c_str(), s["ms_median"].get<double>());
+    std::printf("%-29s %12.4f", name.c_str(), s["ms_median"].get<double>());
     if (s.contains("ratio"))
       std::printf(" %12.4f %7.1fx", s["oracle_ms_median"].get<double>(), s["ratio"].get<double>());
     else

@@ -38,6 +38,8 @@ WARM_UP = 11  # keyframes left out of the means, as turbomap-replay does
 RATES = ["1", "2", "4", "8"]
 PAPER = {"euroc": 1.3, "tum": 1.6}  # 'TurboMap: GPU-Accelerated Local Mapping for Visual SLAM', abstract: whole mapping, a GPU
 CERES_MS = 90  # per iteration of synthetic-lba/30-20-6000 where and when the recorded system was timed
+ABLATION = {"search_exact": "search", "creation": "creation", "duplicates": "fusion", "map_update": "point update", "adjustment_part":
+            "adjustment of 100 points", "point_culling": "point culling", "culling": "keyframe culling"}  # stages of turbomap-bench
 SECONDS_PER_KEYFRAME = 0.05  # of a replay, for a first guess of the time left
 BEGIN, END = "<!-- evaluate: begin -->", "<!-- evaluate: end -->"
 COLOURS = ["#06c", "#c60", "#090", "#b0b", "#888", "#c22"]
@@ -316,6 +318,48 @@ def bundles(args):
     return found
 
 
+def stages_alone(args, made, names):
+    """{(recording, policy): {stage: {'ms_median': ..., 'oracle_ms_median': ...}}} of turbomap-bench on recorded snapshots."""
+    program, found, repetitions = args.bin / "turbomap-bench", {}, "5" if args.quick else "31"
+    for case in made if program.exists() else ():
+        if case.command or "--imu" in case.options or not json.loads((case.folder / "meta.json").read_text()).get("snapshots"):
+            continue
+        for policy in names:
+            result = (args.work / "results" / replays.digest(str(program)) /
+                      f"stages_{case.folder.name}_{policy}_{repetitions}.json")
+            if not result.exists():
+                result.parent.mkdir(parents=True, exist_ok=True)
+                unfinished = result.with_suffix(".new")
+                subprocess.run([str(program), "--recording", str(case.folder), "--policy", policy, "--repetitions",
+                                repetitions, "--json", str(unfinished)], capture_output=True)
+                if not unfinished.exists():
+                    continue
+                unfinished.rename(result)
+            found[case.name, policy] = json.loads(result.read_text()).get("stages", {})
+    return found
+
+
+def table_ablation(found):
+    t = table("Ablation, composed of stages that were timed alone",
+              "No run of the whole mapper: sums of the stages that turbomap-bench times on the snapshots of a recording, one by its fast path "
+              "and the others by their sequential oracles. ms per snapshot. An oracle is the plain implementation that the tests compare "
+              "with, not the recorded system. That of adjustment solves for all unknowns at once, so adjustment is one of the 100 points seen "
+              "most often here; what a stage takes to read and change the map is left out.", ["recording", "policy", "fast path"])
+    for (name, policy), stages in found.items():
+        both = {shown: (stages[stage]["oracle_ms_median"], stages[stage]["ms_median"])
+                for stage, shown in ABLATION.items() if "oracle_ms_median" in stages.get(stage, {})}
+        oracles, fast = sum(a for a, _ in both.values()), sum(b for _, b in both.values())
+        if not both or fast <= 0:
+            continue
+        t.add([name, policy, "none"], {"sum": oracles, "sum of the oracles / this": 1})
+        for stage, (oracle, ours) in both.items():
+            total = oracles - oracle + ours
+            t.add([name, policy, stage], {"sum": total, "sum of the oracles / this": oracles / total, "stage: oracle": oracle,
+                                          "stage: fast": ours, "oracle / fast": ratio(oracle, ours)})
+        t.add([name, policy, "all"], {"sum": fast, "sum of the oracles / this": oracles / fast})
+    return t
+
+
 def costs_over_time(found):
     """[(ms, cost)] of ours; the start at 0."""
     ours = found.get("turbomap", found)
@@ -564,7 +608,7 @@ def main():
         results = run_all(args, made, names)
     except KeyboardInterrupt:
         sys.exit(f"\nevaluate: stopped. What is done is kept in {args.work}: the same command goes on from there")
-    clock, adjusted = (None, {}) if args.no_times else (ceres_clock(args), bundles(args))
+    clock, adjusted, alone = (None, {}, {}) if args.no_times else (ceres_clock(args), bundles(args), stages_alone(args, made, names))
     times, gains, sentence = table_one(made, names, results)
     if args.no_times:
         sentence = "Errors and determinism only; times were left out."
@@ -578,7 +622,7 @@ def main():
         tables += [errors_of(times), table_determinism(made, results)]
     else:
         tables += [times, gains, scaled(gains, clock), table_breakdown(made, names, results), table_stress(made, names, results),
-                   table_determinism(made, results), table_bundle(adjusted)]
+                   table_ablation(alone), table_determinism(made, results), table_bundle(adjusted)]
     if faults:
         failed = table("Failed", "What went wrong.", ["recording", "policy", "what"])
         for name, policy, what, fault in faults:

@@ -25,6 +25,7 @@
 
 #include "bundle/recorded_problem.hpp"
 #include "measure.hpp"
+#include "motion_only_calls.hpp"
 #include "readers/recording_snapshot_adjustment.hpp"
 #include "replay/check_adjustment.hpp"
 
@@ -309,9 +310,10 @@ nlohmann::json run_adjustment_stages(const Policy& policy, const turbomap::recor
   return stages;
 }
 
-/// By the camera of the recording.
+/// By the camera of the recording; or single calls.
 template <class Policy>
 nlohmann::json run_adjustments(const Policy& policy, const turbomap::recording& recording, const arguments& a) {
+  if (!a.calls.empty()) return run_motion_only_calls(policy, a.repetitions);
   return recording.meta.is_fisheye()
              ? run_adjustment_stages<turbomap::kannala_brandt<double>>(policy, recording, a.recording, a.repetitions)
              : run_adjustment_stages<turbomap::pinhole<double>>(policy, recording, a.recording, a.repetitions);

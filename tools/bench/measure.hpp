@@ -73,6 +73,7 @@ struct arguments {
   std::string policy = "seq";
   std::string json;
   std::string recording;  ///< a folder; empty: a simulated one
+  std::string calls;      ///< 'stereo', 'fisheyes': single calls on simulated keyframes in place of stages
   int repetitions = 31;
 };
 

@@ -4,7 +4,7 @@
 
 /// \file
 /// The searches of turbomap-bench on recorded inputs: what the recorded system searched in each of its snapshots, with its masks, poses
-/// and map points. Milliseconds are those of one snapshot, means over all.
+/// and map points; and the stages of recorded_map_stages.hpp. Milliseconds are those of one snapshot, means over all.
 
 #include <algorithm>
 #include <cstddef>
@@ -27,6 +27,7 @@
 
 #include "map_stages.hpp"
 #include "measure.hpp"
+#include "recorded_map_stages.hpp"
 #include "replay/check_fusion.hpp"
 #include "replay/recorded_scene.hpp"
 
@@ -107,7 +108,7 @@ inline nlohmann::json per_snapshot(nlohmann::json times, std::size_t snapshots) 
   return times;
 }
 
-/// Runs the searches on every snapshot of a recording. `host` views serve the oracles, `resident` ones the policy.
+/// Runs the stages on every snapshot of a recording. `host` views serve the oracles, `resident` ones the policy.
 template <class Camera, class Policy>
 nlohmann::json run_recorded_stages(const Policy& policy, const turbomap::recording& recording,
                                    const std::string& folder, int repetitions) {
@@ -203,6 +204,20 @@ nlohmann::json run_recorded_stages(const Policy& policy, const turbomap::recordi
   sum["ratio"] = sum["oracle_ms_median"].get<double>() / sum["ms_median"].get<double>();
   stages["creation"] = per_snapshot(sum, count);
   stages["creation"].erase("floor_ms");
+
+  std::vector<recorded_update<Camera>> updates;
+  std::vector<culled_map<Camera>> maps;
+  for (std::size_t s = 0; s < count; ++s) {
+    if (snapshots[s].map_update) updates.emplace_back(snapshots[s], resident[s].at, host[s].at, scene.handles.size());
+    if (snapshots[s].culling) maps.emplace_back(recording, snapshots[s]);
+  }
+  if (!updates.empty())
+    stages["map_update"] = per_snapshot(time_recorded_update(scene, updates, repetitions, distance_ms), updates.size());
+  if (!maps.empty()) {
+    const auto close_depth = static_cast<float>(recording.meta.close_depth);
+    stages["culling"] = per_snapshot(time_recorded_culling(maps, close_depth, repetitions), maps.size());
+    stages["point_culling"] = per_snapshot(time_recorded_point_culling(maps, repetitions), maps.size());
+  }
 
   turbomap::duplicates<orb, Camera, Policy> duplicates(scene.ctx);
   typename turbomap::duplicates<orb, Camera, Policy>::plan_type found;

@@ -4,15 +4,19 @@
 
 /// \file
 /// One run of turbomap-bench under each policy: every stage on a recording that the caller simulated, or the snapshots of one that was
-/// recorded.
+/// recorded, or single calls.
 
 #include "recorded_stages.hpp"
+#include "search_calls.hpp"
 #include "stages.hpp"
 
 namespace turbomap_bench {
 
 template <class Policy>
 nlohmann::json run(const Policy& policy, const turbomap::recording& recording, const arguments& a) {
+  if (!a.calls.empty())
+    return recording.meta.is_fisheye() ? run_search_calls<fisheye>(policy, recording, a.repetitions)
+                                       : run_search_calls<turbomap::pinhole<float>>(policy, recording, a.repetitions);
   if (a.recording.empty()) return run_stages(policy, recording, a.repetitions);
   return recording.meta.is_fisheye()
              ? run_recorded_stages<fisheye>(policy, recording, a.recording, a.repetitions)

@@ -54,6 +54,8 @@ nlohmann::json json_of(const solution<State>& s, double scale) {
           {"iterations", m.iterations},
           {"ms_per_iteration", s.ms_per_iteration()},
           {"ms_setup", s.ms_setup},
+          {"ms_assign", s.ms_assign},
+          {"ms_results", s.ms_results},
           {"ms_setup_first", s.ms_setup_first},
           {"ms_adjust", s.ms_adjust},
           {"cpu_ms_adjust", s.cpu_ms_adjust},

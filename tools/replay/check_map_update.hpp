@@ -78,6 +78,37 @@ struct turbomap::map_traits<turbomap_replay::slot_map> {
 
 namespace turbomap_replay {
 
+/// The observations of a recorded update, as update_appearance() takes them.
+class recorded_observers {
+ public:
+  /// \param counts  whether a keyframe's observations do
+  template <class Counts>
+  recorded_observers(const turbomap::map_update_snapshot& u, Counts counts) : reference_(u.reference) {
+    for (std::size_t i = 0; i < u.point.size(); ++i) {
+      const auto rows = turbomap::offset_rows(u.obs_off, i);
+      for (std::size_t o = rows.begin; o < rows.end; ++o)
+        for (const std::int32_t view : u.obs_keypoints[o])
+          if (view >= 0 && counts(u.obs_kf[o])) observations_.push_back({u.obs_kf[o], view});
+      offset_.push_back(static_cast<std::int32_t>(observations_.size()));
+      position_.push_back(turbomap::cast<double>(u.position[i]));
+    }
+  }
+  turbomap::appearance_view view() const {
+    turbomap::appearance_view view;
+    view.count = static_cast<int>(position_.size());
+    view.position = position_.data();
+    view.observation_offset = offset_.data();
+    view.observations = observations_.data();
+    view.reference = reference_.data();
+    return view;
+  }
+
+ private:
+  std::vector<turbomap::vec3<double>> position_;
+  std::vector<std::int32_t> offset_{0}, reference_;
+  std::vector<turbomap::point_observation> observations_;
+};
+
 template <class Camera, class Policy>
 class map_update_check {
  public:
@@ -143,27 +174,12 @@ class map_update_check {
 
   /// All points of the record in one call.
   void update(const snapshot_scene<Camera, Policy>& at, const turbomap::map_update_snapshot& u, bool geometry) {
-    std::vector<turbomap::vec3<double>> position;
-    std::vector<std::int32_t> offset{0};
-    std::vector<turbomap::point_observation> observations;
-    for (std::size_t i = 0; i < u.point.size(); ++i) {
-      const auto rows = turbomap::offset_rows(u.obs_off, i);
-      for (std::size_t o = rows.begin; o < rows.end; ++o)
-        for (const std::int32_t view : u.obs_keypoints[o])
-          if (view >= 0 && (geometry || at.alive(u.obs_kf[o]))) observations.push_back({u.obs_kf[o], view});
-      offset.push_back(static_cast<std::int32_t>(observations.size()));
-      position.push_back(turbomap::cast<double>(u.position[i]));
-    }
-    turbomap::appearance_view view;
-    view.count = static_cast<int>(position.size());
-    view.position = position.data();
-    view.observation_offset = offset.data();
-    view.observations = observations.data();
-    view.reference = u.reference.data();
+    const recorded_observers observers(u, [&](std::int32_t k) { return geometry || at.alive(k); });
     turbomap::appearance_options options;
     options.scales = scene_.recording.meta.pyramid();
     options.geometry = geometry, options.descriptors = !geometry;
-    turbomap::update_appearance(scene_.ctx, view, turbomap::span<const posed>(keyframes_), options, updates_);
+    turbomap::update_appearance(scene_.ctx, observers.view(), turbomap::span<const posed>(keyframes_), options,
+                                updates_);
     updates_.plan(scene_.ctx, result_, descriptors_);
   }
 

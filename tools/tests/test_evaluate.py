@@ -53,6 +53,15 @@ pathlib.Path(sys.argv[sys.argv.index("--json") + 1]).write_text(json.dumps(found
 """
 
 
+# Search: 30 ms by the oracle, 10 ms fast; creation: 10 and 2; a stage without an oracle, and one of another candidate set.
+BENCH_STUB = """#!{python}
+import json, pathlib, sys
+times = lambda fast, oracle: {{"ms_median": fast, "oracle_ms_median": oracle}}
+found = {{"stages": {{"search_exact": times(10, 30), "search_grouped": times(1, 2), "creation": times(2, 10), "adjustment": {{"ms_median": 5}}}}}}
+pathlib.Path(sys.argv[sys.argv.index("--json") + 1]).write_text(json.dumps(found))
+"""
+
+
 class evaluation(unittest.TestCase):
     def setUp(self):
         self.folder = tempfile.TemporaryDirectory()
@@ -60,7 +69,7 @@ class evaluation(unittest.TestCase):
         (self.root / "bin").mkdir()
         self.recording = self.root / "data/recordings/euroc_tiny"
         self.recording.mkdir(parents=True)
-        (self.recording / "meta.json").write_text(json.dumps({"sensor": "stereo"}))
+        (self.recording / "meta.json").write_text(json.dumps({"sensor": "stereo", "snapshots": [3]}))
         # The peer: 20 ms per stage but creation, which takes 5 besides the search; a keyframe every 200 ms.
         columns = ["iter", "timestamp", *evaluate.PEER_COLUMNS.values(), "ms_createnew", "snapshot"]
         with open(self.recording / "timing.csv", "w", newline="") as file:
@@ -69,8 +78,9 @@ class evaluation(unittest.TestCase):
             for i in range(31):
                 out.writerow([i, 100 + 0.2 * i, *[20] * len(evaluate.PEER_COLUMNS), 25, 0])
         self.write_stub("ab")
-        (self.root / "bin/turbomap-bundle").write_text(BUNDLE_STUB.format(python=sys.executable))
-        (self.root / "bin/turbomap-bundle").chmod(0o755)
+        for program, text in (("bundle", BUNDLE_STUB), ("bench", BENCH_STUB)):
+            (self.root / f"bin/turbomap-{program}").write_text(text.format(python=sys.executable))
+            (self.root / f"bin/turbomap-{program}").chmod(0o755)
         (self.root / "data/bal-tiny").mkdir()
         (self.root / "data/bal-tiny/problem-1.txt").write_text("")
 
@@ -119,6 +129,12 @@ class evaluation(unittest.TestCase):
         self.assertEqual(self.figure("The same map every time", ("euroc_tiny",), "different"), "none")
         bundle = "Bundle adjustment of BAL files"
         self.assertEqual(self.figure(bundle, ("problem-1",), "ms to within 1 % of the best cost"), "8")
+        ablation = "Ablation, composed of stages that were timed alone"
+        self.assertEqual(self.figure(ablation, ("euroc_tiny", "seq", "none"), "sum"), "40")
+        self.assertEqual(self.figure(ablation, ("euroc_tiny", "seq", "search"), "sum"), "20")
+        self.assertEqual(self.figure(ablation, ("euroc_tiny", "seq", "search"), "sum of the oracles / this"), "2")
+        self.assertEqual(self.figure(ablation, ("euroc_tiny", "omp", "creation"), "stage: fast"), "2")
+        self.assertEqual(self.figure(ablation, ("euroc_tiny", "omp", "all"), "sum"), "12")
         page = (self.root / "out/evaluation.html").read_text()
         self.assertEqual(page.count("<svg"), 3)
         self.assertNotIn("src=", page)  # nothing else is needed

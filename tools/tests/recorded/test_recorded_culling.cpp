@@ -4,7 +4,6 @@
 // Keyframe culling on every recorded snapshot, against what the recorded peer counted and decided; that the check
 // sees a record that was changed; and culling of a consistent map made of the recorded observations.
 
-#include <turbomap/map/simple_map/simple_map.hpp>
 #include <turbomap/map/validate.hpp>
 #include <turbomap/mapping/keyframe_culling.hpp>
 
@@ -18,6 +17,7 @@
 
 #include "recorded_checks.hpp"
 #include "replay/check_culling.hpp"
+#include "replay/repaired_map.hpp"
 
 using turbomap_replay::culling_check;
 using turbomap_replay::orb;
@@ -80,36 +80,6 @@ TEST_CASE("the check of culling sees each thing that is changed") {
 
 namespace {
 
-/// The recorded observations as a map that keeps its promises: what finds its slot or camera taken is left out.
-template <class Camera>
-struct repaired_map {
-  using map = turbomap::simple_map<orb, Camera>;
-  using traits = turbomap::map_traits<map>;
-
-  repaired_map(const turbomap::recording& r, const snapshot& s) {
-    const auto& c = *s.culling;
-    for (std::size_t k = 0; k <= static_cast<std::size_t>(s.keyframe); ++k) {
-      const auto keypoints = r.gather_keypoints(k);
-      keyframes.push_back(state.add_keyframe(keypoints, turbomap::cast<double>(r.T_cw[k]),
-                                             1e-9 * static_cast<double>(r.t_ns[k] - r.t_ns[0]),
-                                             k == 0 ? turbomap::map_keyframe_id{} : keyframes.back()));
-    }
-    for (std::size_t p = 0; p < c.point.size(); ++p) {
-      points.push_back(state.add_point({0, 0, 1}));
-      for (std::size_t o = c.observations(p).begin; o < c.observations(p).end; ++o)
-        for (const std::int32_t view : c.obs_keypoints[o])
-          if (view >= 0 && turbomap::observe(state, points[p], keyframes[static_cast<std::size_t>(c.obs_kf[o])],
-                                             static_cast<std::size_t>(view)))
-            ++views;
-    }
-  }
-
-  map state;
-  std::vector<turbomap::map_keyframe_id> keyframes;
-  std::vector<turbomap::map_point_id> points;
-  std::size_t views = 0;
-};
-
 /// Counts by a walk over slots and observations, written from the rule.
 template <class Repaired>
 turbomap::redundancy plain_count(const Repaired& m, turbomap::map_keyframe_id k, double close) {
@@ -133,7 +103,7 @@ turbomap::redundancy plain_count(const Repaired& m, turbomap::map_keyframe_id k,
 template <class Camera>
 void cull_repaired(const turbomap::recording& r, const snapshot& s, std::size_t& erased) {
   const auto& c = *s.culling;
-  repaired_map<Camera> m(r, s);
+  turbomap_replay::repaired_map<Camera> m(r, s);
   CHECK(m.views * 10 > c.obs_kf.size() * 9);
   REQUIRE(turbomap::validate(m.state).empty());
   turbomap::keyframe_culling_options options;
