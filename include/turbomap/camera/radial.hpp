@@ -41,6 +41,9 @@ struct radial_polynomial {
                                 z * ((k2 < zero ? S(5) * k2 : zero) +
                                      z * ((k3 < zero ? S(7) * k3 : zero) + z * (k4 < zero ? S(9) * k4 : zero))));
     if (bound > zero) return zero;
+#if defined(__CUDA_ARCH__)
+#pragma unroll 1  // seldom run, and part of every projection: unrolled, it was two thirds of the code of fisheye kernels
+#endif
     for (int i = 1; i <= samples; ++i) {
       const S t = z * (S(i) * S(1.0 / samples));
       if (!(slope(t) > zero)) return t;

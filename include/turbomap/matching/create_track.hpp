@@ -43,6 +43,8 @@ struct one_worker {
   TURBOMAP_HD bool any(bool of_mine) const { return of_mine; }
   /// Bit k: what worker k says.
   TURBOMAP_HD unsigned all(bool of_mine) const { return of_mine ? 1 : 0; }
+  /// The least k of those that said so; there is one.
+  TURBOMAP_HD int first(unsigned) const { return 0; }
   /// All see what was written before.
   TURBOMAP_HD void meet() const {}
 };
@@ -122,27 +124,29 @@ struct create_track {
     return tracks.views[i].keyframe == 0 ? query : neighbour;
   }
 
+  /// One place refines, and there one compares: that is most of a kernel's code.
   TURBOMAP_HD creation_outcome create(const range& views, const Workers& workers, created_track& p) const {
-    for (; p.views > 2; --p.views) {
+    for (;; --p.views) {
+      const bool pair = p.views <= 2;
       vec3<decision> X;
-      if (!begin(views, workers, p.method, X)) return creation_outcome::low_parallax;
-      const fit f = refine(views, workers, X);
-      if (!f.behind && !(f.excess > decision(1))) return accept(f, X, p);
+      if (pair) {
+        p.method = creation_method::none;
+        const int a = next(views, views.begin), b = next(views, a + 1);
+        const creation_outcome outcome = create_from_two(a, b, p);
+        if (outcome != creation_outcome::accepted) return outcome;
+        X = cast<decision>(p.position);
+      } else if (!begin(views, workers, p.method, X)) {
+        return creation_outcome::low_parallax;
+      }
+      vec3<decision> refined = X;
+      fit start;
+      const fit f = refine(views, workers, refined, start);
+      if (!f.behind && !(f.excess > decision(1))) return accept(f, refined, p);
+      // A pair's point is better by the errors in pixels; if that costs a test, it stays.
+      if (pair) return accept(start, X, p);
       if (workers.number() == 0) tracks.kept[f.worst] = 0;
       workers.meet();
     }
-    p.method = creation_method::none;
-    const int a = next(views, views.begin), b = next(views, a + 1);
-    const creation_outcome outcome = create_from_two(a, b, p);
-    if (outcome != creation_outcome::accepted) return outcome;
-    // Better by the errors in pixels; if that costs a test, the pair's point stays.
-    vec3<decision> X = cast<decision>(p.position), refined = X;
-    fit f = refine(views, workers, refined);
-    if (f.behind || f.excess > decision(1))
-      f = compare(views, workers, X);
-    else
-      X = refined;
-    return accept(f, X, p);
   }
   TURBOMAP_HD creation_outcome create_from_two(int a, int b, created_track& p) const {
     const isometry<decision> T_ba = camera(b).T_cw * inverse(camera(a).T_cw);
@@ -219,16 +223,20 @@ struct create_track {
   }
 
   /// Moves X to where the errors are least, as far as the options let it, and says how it fits there.
-  TURBOMAP_HD fit refine(const range& views, const Workers& workers, vec3<decision>& X) const {
-    fit f = compare(views, workers, X);
-    for (int step = 0; step < tracks.options.refinement_steps && !f.behind; ++step) {
-      const vec3<decision> move = solve(f.information, f.descent);
-      if (!(dot(f.descent, move) > decision(tracks.options.refinement_tolerance))) break;
-      const vec3<decision> moved = X + move;
+  /// \param start  how it fits where it was
+  TURBOMAP_HD fit refine(const range& views, const Workers& workers, vec3<decision>& X, fit& start) const {
+    fit f{};
+    vec3<decision> moved = X;
+    for (int step = 0;; ++step) {
       const fit g = compare(views, workers, moved);
-      if (g.behind || !(g.cost < f.cost)) break;
+      if (step == 0) start = g;
+      if (step > 0 && (g.behind || !(g.cost < f.cost))) break;
       X = moved;
       f = g;
+      if (step >= tracks.options.refinement_steps || f.behind) break;
+      const vec3<decision> move = solve(f.information, f.descent);
+      if (!(dot(f.descent, move) > decision(tracks.options.refinement_tolerance))) break;
+      moved = X + move;
     }
     return f;
   }
@@ -246,10 +254,12 @@ struct create_track {
       const bool left = mine < views.end && tracks.kept[mine] != 0;
       workers.meet();  // what was in `fits` has been read
       if (left) look(mine, X, first_size, workers.fits[workers.number()]);
-      const unsigned looked_at = workers.all(left);
+      unsigned looked_at = workers.all(left);
       workers.meet();
-      for (int k = 0; k < Workers::count; ++k)
-        if ((looked_at >> k & 1U) != 0 && !add(f, workers.fits[k], begin + k, begin + k == first)) return f;
+      for (; looked_at != 0; looked_at &= looked_at - 1) {
+        const int k = workers.first(looked_at);
+        if (!add(f, workers.fits[k], begin + k, begin + k == first)) return f;
+      }
     }
     return f;
   }

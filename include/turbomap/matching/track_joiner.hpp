@@ -118,8 +118,7 @@ class track_joiner {
     sizes_.push_back(1);
     const auto bit =
         static_cast<std::size_t>(v.keyframe) * static_cast<std::size_t>(rig) + static_cast<std::size_t>(v.camera);
-    seen_.resize(seen_.size() + words_, 0);
-    seen_[seen_.size() - words_ + bit / 64] = std::uint64_t{1} << bit % 64;
+    for (std::size_t w = 0; w < words_; ++w) seen_.push_back(w == bit / 64 ? std::uint64_t{1} << bit % 64 : 0);
     return node;
   }
 
@@ -177,21 +176,26 @@ class track_joiner {
   }
 
   void list_tracks(track_list& result) {
+    // Few keypoints have a node, and which cannot be predicted: these are listed first, by keyframe, then keypoint.
+    listed_.resize(node_of_.size());
+    std::size_t count = 0;
+    for (const std::int32_t n : node_of_) {
+      listed_[count] = n;
+      count += n != none;
+    }
     // Every match has a query keypoint, so each track of two views is met among those of the query.
     track_of_.assign(views_.size(), none);
     result.offsets.assign(1, 0);
-    const std::size_t queries = keyframes_.size() > 1 ? static_cast<std::size_t>(keyframes_[1]) : node_of_.size();
-    for (std::size_t q = 0; q < queries; ++q) {
-      if (node_of_[q] == none) continue;
-      const auto r = static_cast<std::size_t>(root(node_of_[q]));
+    for (std::size_t i = 0; i < count && views_[static_cast<std::size_t>(listed_[i])].keyframe == 0; ++i) {
+      const auto r = static_cast<std::size_t>(root(listed_[i]));
       if (track_of_[r] != none || sizes_[r] < 2) continue;
       track_of_[r] = static_cast<std::int32_t>(result.offsets.size()) - 1;
       result.offsets.push_back(result.offsets.back() + sizes_[r]);
     }
     result.views.resize(static_cast<std::size_t>(result.offsets.back()));
     fill_.assign(result.offsets.begin(), result.offsets.end());
-    for (const std::int32_t n : node_of_) {  // by keyframe, then keypoint
-      if (n == none) continue;
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::int32_t n = listed_[i];
       const std::int32_t track = track_of_[static_cast<std::size_t>(root(n))];
       if (track == none) continue;
       const auto t = static_cast<std::size_t>(track), begin = static_cast<std::size_t>(result.offsets[t]);
@@ -213,7 +217,7 @@ class track_joiner {
   std::size_t words_ = 1;
   plain_vector<edge> edges_;
   plain_vector<std::uint32_t> order_, sorted_;
-  plain_vector<std::int32_t> fill_;
+  plain_vector<std::int32_t> listed_, fill_;
 };
 
 TURBOMAP_END_NAMESPACE

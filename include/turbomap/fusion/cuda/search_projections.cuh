@@ -4,7 +4,8 @@
 
 /// \file
 /// The search by projection under a CUDA policy. A block takes some hundred points in one camera: its threads first find those that
-/// may have a match, few of them, then share these, so that no thread waits for one that has a decision to make.
+/// may have a match, few of them, then share these, so that no thread waits for one that has a decision to make. Where trials are
+/// asked for, every point is decided on.
 
 #include <cstdint>
 
@@ -34,12 +35,16 @@ __global__ void __launch_bounds__(search_projections_tuning::threads)
   const projection_prefilter<Descriptor, Camera> prefilter(search, camera);
   for (int p = first + thread; p < last; p += threads) {
     search.hits[at + p] = {-1, no_match_distance<Descriptor>};
-    if (body.is_hopeful(camera, prefilter, p))
+    if (search.trials != nullptr || body.is_hopeful(camera, prefilter, p))
       hopeful[atomicAdd(&count, 1)] = p;  // in any order: points are independent
   }
   __syncthreads();
   const projection_test<Descriptor, Camera> test{search, camera};
-  for (int i = thread; i < count; i += threads) body.store(at + hopeful[i], test(hopeful[i]));
+  for (int i = thread; i < count; i += threads) {
+    const auto trial = test(hopeful[i]);
+    if (search.trials != nullptr) search.trials[at + hopeful[i]] = trial;
+    body.store(at + hopeful[i], trial);
+  }
 }
 
 template <class Derived, class Descriptor, class Camera>
@@ -47,8 +52,7 @@ void launch_search_projections(const thrust::cuda_cub::execution_policy<Derived>
                                const projection_view<Descriptor, Camera>& search) {
   using tuning = search_projections_tuning;
   const int points = search.points.count, requests = search.request_count;
-  if (search.trials != nullptr || points == 0)  // every point is decided on
-    return for_each_index(derived(policy), requests * points, projection_search<Descriptor, Camera, 1>{search});
+  if (points == 0) return;
   const int large = requests * ((points - 1) / tuning::points + 1);
   const int per_block = large < tuning::blocks ? tuning::few : tuning::points;
   launch_kernel(policy, "launch of search_projections", search_projections_kernel<Descriptor, Camera>,

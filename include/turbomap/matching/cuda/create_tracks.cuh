@@ -24,13 +24,14 @@ struct warp_workers {
   __device__ int number() const { return static_cast<int>(threadIdx.x) % warp_size; }
   __device__ bool any(bool of_mine) const { return __any_sync(whole_warp, of_mine) != 0; }
   __device__ unsigned all(bool of_mine) const { return __ballot_sync(whole_warp, of_mine); }
+  __device__ int first(unsigned of_all) const { return __ffs(static_cast<int>(of_all)) - 1; }
   __device__ void meet() const { __syncwarp(); }
 };
 
 }  // namespace detail
 
 template <class Descriptor, class Camera>
-__global__ void __launch_bounds__(warp_size* create_tracks_tuning::warps)
+__global__ void __launch_bounds__(warp_size* create_tracks_tuning::warps, create_tracks_tuning::blocks)
     create_tracks_kernel(track_creation_view<Descriptor, Camera> tracks) {
   using detail::view_fit;
   constexpr int of_warp = warp_size * static_cast<int>(sizeof(view_fit));

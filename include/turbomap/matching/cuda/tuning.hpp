@@ -24,7 +24,8 @@ struct prepare_search_tuning {
 
 /// launch_create_tracks: a warp per track. Tracks are about as many as warps that run at once on a large device.
 struct create_tracks_tuning {
-  static constexpr int warps = 2;  ///< per block
+  static constexpr int warps = 2;   ///< per block
+  static constexpr int blocks = 4;  ///< at once per multiprocessor: every register that a thread can have
 };
 
 TURBOMAP_END_NAMESPACE
