@@ -147,6 +147,9 @@ int main(int argc, char** argv) try {
                  "point_culling,search,creation,fusion,map_update,adjustment,preintegration,culling");
   app.add_option("--creation", a.rule, "what points are made from (replay mode)")
       ->check(CLI::IsMember({"tracks", "pairs"}));
+  app.add_option("--known-octaves", a.known_octaves,
+                 "a keypoint that sees a point is beside a track's where their octaves differ by so many at most")
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--candidates", a.candidates, "what the search compares with (replay mode)")
       ->check(CLI::IsMember({"exhaustive", "ordered", "grouped"}));
   app.add_flag("--serial-fusion", a.serial_fusion, "fuse camera by camera, each search after the commit before it");

@@ -129,7 +129,8 @@ TEST_CASE("a track of two views is decided as a pair") {
 }
 
 template <class Policy, class Camera>
-void check_known(const test_rig<Camera>& rig, unsigned seed, double chi2, int wanted, long& known, long& others) {
+void check_known(const test_rig<Camera>& rig, unsigned seed, double chi2, int wanted, long& known, long& others,
+                 int octaves = 255) {
   auto recipe = many_views(seed, motion::sideways);
   recipe.mapped = 0.3;
   scene<orb, Camera> s(rig, recipe);
@@ -149,7 +150,7 @@ void check_known(const test_rig<Camera>& rig, unsigned seed, double chi2, int wa
   search_options search;
   search.scales = creation.scales = s.scales();
   search.across_rig = true;
-  creation.known_chi2 = chi2, creation.known_views = wanted;
+  creation.known_chi2 = chi2, creation.known_views = wanted, creation.known_octaves = octaves;
   turbomap::context<Policy> ctx{Policy{}};
   const resident_scene<orb, Camera, Policy> keyframes(ctx, s);
   const auto found = turbomap::search_correspondences(ctx, keyframes.query(), keyframes.neighbours(), search);
@@ -175,14 +176,18 @@ void check_known(const test_rig<Camera>& rig, unsigned seed, double chi2, int wa
 }
 
 TEST_CASE_TEMPLATE("a landmark that has a point is left out", Policy, TURBOMAP_TEST_POLICIES) {
-  long known = 0, others = 0, nobody = 0;
+  long known = 0, others = 0, nobody = 0, near = 0;
   for (unsigned seed = 1; seed <= 3; ++seed) {
     check_known<Policy>(pinhole_rig(), seed, 700, 2, known, others);
     check_known<Policy>(fisheye_rig(), seed, 700, 2, known, others);
     check_known<Policy>(pinhole_rig(50), seed, 2000, 3, known, others);
     check_known<Policy>(pinhole_rig(), seed, 700, 1, known, others);
     check_known<Policy>(pinhole_rig(), seed, 1e6, 0, nobody, others);
+    check_known<Policy>(pinhole_rig(), seed, 700, 2, near, others, 1);
+    check_known<Policy>(fisheye_rig(), seed, 700, 2, near, others, 1);
   }
+  CHECK(near > 20);
+  CHECK(near < known);
   CHECK(known > 100);
   CHECK(others > 100);
   CHECK(nobody == 0);
@@ -230,6 +235,7 @@ TEST_CASE("bad options and tracks of another search are refused, and the last po
   refused("refinement_tolerance", [](creation_options& o, double v) { o.refinement_tolerance = v; });
   refused("known_chi2", [](creation_options& o, double v) { o.known_chi2 = v; });
   refused("known_views", [](creation_options& o, double) { o.known_views = -1; });
+  refused("known_octaves", [](creation_options& o, double) { o.known_octaves = -1; });
   refused("fewest_keyframes", [](creation_options& o, double) { o.fewest_keyframes = 0; });
   refused("refinement_steps", [](creation_options& o, double) { o.refinement_steps = -1; });
   refused("stereo_correlation", [](creation_options& o, double v) { o.stereo_correlation = v; });

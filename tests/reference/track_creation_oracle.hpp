@@ -9,6 +9,7 @@
 #include <turbomap/matching/track_joiner.hpp>
 #include <turbomap/math/dual.hpp>
 
+#include <cstdlib>
 #include <map>
 #include <set>
 #include <vector>
@@ -213,6 +214,7 @@ bool known_oracle(const std::vector<turbomap::posed_keyframe<Descriptor, Camera>
     const auto& view = keyframes[k].view;
     for (int j = 0; j < view.keypoint_count; ++j) {
       if (view.camera_of(j) != views[i].camera || numbers[k][static_cast<std::size_t>(j)] < 0) continue;
+      if (std::abs(int{view.octave[j]} - int{view.octave[views[i].keypoint]}) > options.known_octaves) continue;
       const double d2 = (pixel_of(view, j) - pixel_of(view, views[i].keypoint)).squaredNorm();
       const double sigma2 = static_cast<double>(oracle_sigma2(options.scales, view.octave[j])) +
                             static_cast<double>(oracle_sigma2(options.scales, view.octave[views[i].keypoint]));

@@ -55,6 +55,7 @@ struct arguments {
   std::string numbers = "mixed";       ///< of adjustments: float64, mixed or float32
   double stereo_correlation = -1;      ///< of the errors of u and u_right; negative: correlation() knows
   bool accurate = false;               ///< local_mapper_options::accurate()
+  int known_octaves = -1;              ///< creation_options::known_octaves; negative: its default
   int second_shared = 0;               ///< local_adjustment_options::second_min_shared_points
   int global_every = 0;                ///< all of the map is adjusted after so many keyframes; 0: never
   bool global_end = false;             ///< ... and at the end

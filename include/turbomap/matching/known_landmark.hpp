@@ -48,6 +48,8 @@ struct known_landmark {
       const std::int32_t point = self.tracks.map_points[self.tracks.map_point_offset[v.keyframe] + keypoint];
       if (point < 0) return false;
       const auto& keyframe = self.tracks.search.keyframes[v.keyframe];
+      const int apart = keyframe.octave[v.keypoint] - keyframe.octave[keypoint];
+      if (apart > self.tracks.options.known_octaves || -apart > self.tracks.options.known_octaves) return false;
       const auto a = cast<decision>(keyframe.pixel[v.keypoint]), b = cast<decision>(keyframe.pixel[keypoint]);
       const decision dx = a.x - b.x, dy = a.y - b.y;
       const float* sigma2 = self.tracks.search.sigma2;
