@@ -14,6 +14,7 @@
 #include "../math/functions.hpp"
 #include "../math/pack.hpp"
 #include "../parallel.hpp"
+#include "compact_columns.hpp"
 #include "damping.hpp"
 #include "equal_shares.hpp"
 #include "frame_sums.hpp"
@@ -54,7 +55,8 @@ struct gain_of_landmarks {
 
 /// Index = some landmarks: factorises their blocks, damped, and takes their couplings through the factors. All are factorised
 /// first: roots and quotients of one landmark wait for each other, not for those of the next.
-template <class A, int V>
+/// \tparam Compact  gives compact columns; couplings are made of rows
+template <class A, int V, bool Compact = false>
 struct eliminate_landmarks {
   static constexpr int landmarks_per_index = 16;  ///< landmarks that one thread takes
   schur_view<A> s;                                ///< what is read and written
@@ -70,11 +72,10 @@ struct eliminate_landmarks {
       s.landmark[l] = eliminate(l, h);
     }
     for (int l = begin; l < end; ++l) {
-      const factor inverse = factor_of(s.landmark[l]);
-      if (s.sums.coupling != nullptr)
-        for (int slot = s.landmark_slot[l]; slot < s.landmark_slot[l + 1]; ++slot) take_through(slot, inverse);
+      if constexpr (Compact)
+        make_compact_columns(l);
       else
-        make_couplings(l, inverse);
+        take_couplings(l);
     }
   }
 
@@ -124,6 +125,14 @@ struct eliminate_landmarks {
   }
 
  private:
+  /// Takes the couplings of landmark l through its factor.
+  TURBOMAP_HD void take_couplings(int l) const {
+    const factor inverse = factor_of(s.landmark[l]);
+    if (s.sums.coupling != nullptr)
+      for (int slot = s.landmark_slot[l]; slot < s.landmark_slot[l + 1]; ++slot) take_through(slot, inverse);
+    else
+      make_couplings(l, inverse);
+  }
   /// Takes the couplings of landmark l, made of its rows, through its factor.
   TURBOMAP_HD void make_couplings(int l, const factor& inverse) const {
     const double* p = s.positions + static_cast<std::ptrdiff_t>(l) * landmark_stride;
@@ -134,6 +143,21 @@ struct eliminate_landmarks {
       make_coupling<V>(s, s.slot_frame[slot], row, count, p, w);
       take_through(slot, w, inverse);
       row += count;
+    }
+  }
+
+  /// Compact columns of landmark l.
+  TURBOMAP_HD void make_compact_columns(int l) const {
+    const compact_factor<A> factor(s.landmark[l]);
+    const double* p = s.positions + static_cast<std::ptrdiff_t>(l) * landmark_stride;
+    const A* h = s.sums.row + static_cast<std::ptrdiff_t>(s.landmark_row[l]) * landmark_block<V>::row;
+    for (int slot = s.landmark_slot[l]; slot < s.landmark_slot[l + 1]; ++slot) {
+      const int count = s.slot_coupling[slot + 1] - s.slot_coupling[slot];
+      A all[6];
+      const double* centre = s.centres + static_cast<std::ptrdiff_t>(s.slot_frame[slot]) * landmark_stride;
+      make_compact_column(sum_of_rows(h, count, all), factor, p, centre,
+                          s.eliminated + static_cast<std::ptrdiff_t>(slot) * compact_stride);
+      h += static_cast<std::ptrdiff_t>(count) * landmark_block<V>::row;
     }
   }
 
@@ -186,9 +210,16 @@ void launch_eliminate_landmarks(const thrust::execution_policy<Derived>& policy,
                                 const damping& damping) {
   constexpr int per_index = eliminate_landmarks<A, V>::landmarks_per_index;
   constexpr int each = 2;  // a factor takes as long as two rows
-  for_each_in_shares(derived(policy), (s.landmarks + per_index - 1) / per_index,
-                     work_of_landmarks{s.landmark_row, s.landmarks, per_index, each},
-                     eliminate_landmarks<A, V>{s, damping});
+  const int n = (s.landmarks + per_index - 1) / per_index;
+  const work_of_landmarks work{s.landmark_row, s.landmarks, per_index, each};
+  if constexpr (is_host_accessible_v<memory_of_t<Derived>> && compact_form<A, V, V>)
+    if (s.compact) {
+      // What stands for a slot where there is none (compact_products.hpp).
+      A* beyond = s.eliminated + static_cast<std::ptrdiff_t>(s.landmark_slot[s.landmarks]) * compact_stride;
+      for (int i = 0; i < compact_stride; ++i) beyond[i] = A(0);
+      return for_each_in_shares(derived(policy), n, work, eliminate_landmarks<A, V, true>{s, damping});
+    }
+  for_each_in_shares(derived(policy), n, work, eliminate_landmarks<A, V>{s, damping});
 }
 
 /// launch_sum_frames() and launch_eliminate_landmarks(), neither of which needs the other.

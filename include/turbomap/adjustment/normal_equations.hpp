@@ -47,6 +47,7 @@ class normal_equations {
       axes_ = ctx.template scratch<A>(at(s.free_frames) * 6 * column_lanes<V>);
       centres_ = ctx.template scratch<double>(at(s.free_frames) * landmark_stride);
       s_.axes = axes_, s_.centres = centres_;
+      if constexpr (compact_form<A, V, D>) s_.turned = ctx.template scratch<double>(at(s.free_frames) * turned_stride);
     } else {
       s_.held = data.held.host().empty() ? nullptr : data.held.data();
     }
@@ -71,6 +72,7 @@ class normal_equations {
   /// \param full  every block has its place in the matrix, those that are empty too
   template <class Policy>
   void need_blocks(context<Policy>& ctx, bool full) {
+    s_.compact = from_rows && on_the_host<Policy> && compact_form<A, V, D>;
     if (full && launch_list_blocks(ctx.policy(), ctx.scratch(), data_.structure, s_)) return;
     data_.need_blocks(ctx.policy());
     data_.lists.point(s_);

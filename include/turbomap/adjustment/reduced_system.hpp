@@ -11,6 +11,7 @@
 #include "../config.hpp"
 #include "../math/pack.hpp"
 #include "../parallel.hpp"
+#include "compact_products.hpp"
 #include "damping.hpp"
 #include "schur_view.hpp"
 
@@ -35,7 +36,8 @@ struct reduced_layout {
 /// Index = blocks that follow each other, row by row: the diagonal block of a row and its right hand side, then the others. The
 /// blocks of a row share a frame, so they find its columns in the cache; and as landmarks are in the order of their frames,
 /// a thread that takes indices in a row reads mostly columns that it eliminated. All indices have about as much to sum.
-template <class A, int V, int D>
+/// \tparam Compact  columns are in compact form; there are no factors between frames
+template <class A, int V, int D, bool Compact = false>
 struct reduce_blocks {
   schur_view<A> s;            ///< landmarks and lists
   reduced_layout out;         ///< where the blocks go
@@ -54,9 +56,9 @@ struct reduce_blocks {
     const position end = cut(i + 1);
     while (at.row < end.row || at.block < end.block) {
       if (at.row < end.row && (at.block == end.block || at.row <= s.block_row[at.block]))
-        diagonal(at.row++);
+        any_diagonal(at.row++);
       else
-        other(at.block++);
+        any_other(at.block++);
     }
   }
 
@@ -96,6 +98,43 @@ struct reduce_blocks {
         rows = middle;
     }
     return {row, s.blocks};
+  }
+
+  TURBOMAP_HD void any_diagonal(int f) const {
+    if constexpr (Compact)
+      compact_diagonal(f);
+    else
+      diagonal(f);
+  }
+  TURBOMAP_HD void any_other(int b) const {
+    if constexpr (Compact)
+      compact_other(b);
+    else
+      other(b);
+  }
+
+  TURBOMAP_HD void compact_diagonal(int f) const {
+    double product[36], right[6];
+    compact_products<A, V>{s}.of_frame(f, product, right);
+    double* S = out.block(0, f, f, s.free_frames, D);
+    const int stride = out.dense ? out.stride : D;
+    for (int r = 0; r < D; ++r)
+      for (int c = 0; c < D; ++c) {
+        const int h = r >= c ? r * (r + 1) / 2 + c : c * (c + 1) / 2 + r;
+        double x = s.H[static_cast<std::ptrdiff_t>(f) * frame_block<D>::triangle + h];
+        if (r == c) x += damping(x);
+        S[static_cast<std::ptrdiff_t>(r) * stride + c] = x - product[r * V + c];
+      }
+    for (int r = 0; r < D; ++r) out.rhs[f * D + r] = s.b[static_cast<std::ptrdiff_t>(f) * D + r] - right[r];
+  }
+
+  TURBOMAP_HD void compact_other(int b) const {
+    double product[36];
+    compact_products<A, V>{s}.between(s.block_row[b], s.block_column[b], s.block_pair[b], s.block_pair[b + 1], product);
+    double* S = out.block(b, s.block_row[b], s.block_column[b], s.free_frames, D);
+    const int stride = out.dense ? out.stride : D;
+    for (int r = 0; r < D; ++r)
+      for (int c = 0; c < D; ++c) S[static_cast<std::ptrdiff_t>(r) * stride + c] = -product[r * V + c];
   }
 
   TURBOMAP_HD void diagonal(int f) const {
@@ -174,6 +213,8 @@ void launch_reduce_blocks(const thrust::execution_policy<Derived>& policy, const
   constexpr int most = 64;  // shares for up to as many threads
   const int blocks = s.free_frames + s.blocks;
   const int parts = is_host_accessible_v<memory_of_t<Derived>> && blocks > most ? most : blocks;
+  if constexpr (is_host_accessible_v<memory_of_t<Derived>> && compact_form<A, V, D>)
+    if (s.compact) return for_each_index(derived(policy), parts, reduce_blocks<A, V, D, true>{s, out, damping, parts});
   for_each_index(derived(policy), parts, reduce_blocks<A, V, D>{s, out, damping, parts});
 }
 

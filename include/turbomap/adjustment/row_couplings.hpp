@@ -49,6 +49,17 @@ struct prepare_axes {
   }
 };
 
+/// H of a landmark by the observations of one frame, lower triangle. \param h  rows of theirs   \param all  room for the sum
+template <class A>
+[[gnu::always_inline]] TURBOMAP_HD inline const A* sum_of_rows(const A* h, int count, A (&all)[6]) {
+  if (count <= 1) return h;
+  constexpr int row = landmark_block<6>::row;  // a rig that sees it more than once
+  for (int i = 0; i < 6; ++i) all[i] = h[i];
+  for (int k = 1; k < count; ++k)
+    for (int i = 0; i < 6; ++i) all[i] += h[k * row + i];
+  return all;
+}
+
 /// The coupling of a frame with a landmark.
 /// \param row    first of its rows, in the order of slots   \param count  how many there are
 /// \param p      position of the landmark   \param column  the result; lanes beyond V are 0
@@ -57,14 +68,8 @@ template <int V, class A>
                                                              const double* p, pack<A, column_lanes<V>> (&column)[3]) {
   using P = pack<A, column_lanes<V>>;
   using Q = pack<double, landmark_stride>;
-  const A* h = s.sums.row + static_cast<std::ptrdiff_t>(row) * landmark_block<V>::row;
   A all[6];
-  if (count > 1) {  // a rig that sees it twice
-    for (int i = 0; i < 6; ++i) all[i] = h[i];
-    for (int k = 1; k < count; ++k)
-      for (int i = 0; i < 6; ++i) all[i] += h[k * landmark_block<V>::row + i];
-    h = all;
-  }
+  const A* h = sum_of_rows(s.sums.row + static_cast<std::ptrdiff_t>(row) * landmark_block<V>::row, count, all);
   A at[landmark_stride], back[landmark_stride];  // from the centre of the frame, and the other way
   const auto q = convert<A>(Q::load(p) - Q::load(s.centres + static_cast<std::ptrdiff_t>(frame) * landmark_stride));
   q.store(at), (-q).store(back);

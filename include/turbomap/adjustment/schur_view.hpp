@@ -39,7 +39,9 @@ struct schur_view : sum_lists<list_pointer>, block_lists<list_pointer> {
   int blocks = 0;                                ///< 0: not formed
   const std::uint8_t* landmark_fixed = nullptr;  ///< null: none
   factor_sums<A> sums{};                         ///< what the factors were summed into
-  A* eliminated = nullptr;                       ///< [slot] Z = coupling L^-T, as couplings
+  A* eliminated = nullptr;                       ///< [slot] Z = coupling L^-T, as couplings; or in compact form
+  bool compact = false;                          ///< `eliminated` is in compact form (compact_columns.hpp); on the host
+  double* turned = nullptr;                      ///< [free frame] room for turn_steps(), where compact
   eliminated_landmark* landmark = nullptr;       ///< [landmark]
   // Where sums.coupling is null, couplings are made of rows (row_couplings.hpp), and of these:
   const double* positions = nullptr;        ///< of the landmarks where the rows were computed

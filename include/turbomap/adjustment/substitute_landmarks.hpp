@@ -11,6 +11,7 @@
 #include "../config.hpp"
 #include "../math/pack_convert.hpp"
 #include "../parallel.hpp"
+#include "compact_columns.hpp"
 #include "damping.hpp"
 #include "equal_shares.hpp"
 #include "move_frames.hpp"
@@ -19,7 +20,8 @@
 TURBOMAP_BEGIN_NAMESPACE
 
 /// Index = some landmarks: their steps from those of the frames, their new positions, and sums of the step.
-template <class A, int V, int D>
+/// \tparam Compact  columns are in compact form, steps those of turn_steps()
+template <class A, int V, int D, bool Compact = false>
 struct substitute_landmarks {
   static constexpr int landmarks_per_index = 16;  ///< landmarks that one thread takes
   schur_view<A> s;                                ///< landmarks and lists
@@ -36,7 +38,10 @@ struct substitute_landmarks {
     for (int l = i * landmarks_per_index; l < end; ++l) {
       const eliminated_landmark& e = s.landmark[l];
       double y[3] = {e.c[0], e.c[1], e.c[2]};
-      subtract_steps(s.landmark_slot[l], s.landmark_slot[l + 1], y);
+      if constexpr (Compact)
+        subtract_turned(s.landmark_slot[l], s.landmark_slot[l + 1], y);
+      else
+        subtract_steps(s.landmark_slot[l], s.landmark_slot[l + 1], y);
       double held[3] = {damping.lambda, damping.lambda, damping.lambda};
       if (damping.scaled) {
         double h[9];
@@ -68,6 +73,20 @@ struct substitute_landmarks {
       for (int m = 0; m < 3; ++m) y[m] -= sum(four[m]);
   }
 
+  /// The same of compact columns: y -= K^T (v + omega x q), all in the axes of the world.
+  TURBOMAP_HD void subtract_turned(int slot, int end, double (&y)[3]) const {
+    using P = pack<double, 4>;
+    P total[3] = {P(0.0), P(0.0), P(0.0)};
+    for (; slot < end; ++slot) {
+      const A* k = s.eliminated + static_cast<std::ptrdiff_t>(slot) * compact_stride;
+      const double* x = step + static_cast<std::ptrdiff_t>(s.slot_frame[slot]) * turned_stride;
+      P g = P::load(x);
+      for (int m = 0; m < 3; ++m) g = multiply_add(P(static_cast<double>(k[4 * m + 3])), P::load(x + 4 + 4 * m), g);
+      for (int m = 0; m < 3; ++m) total[m] = multiply_add(convert<double>(pack<A, 4>::load(k + 4 * m)), g, total[m]);
+    }
+    for (int m = 0; m < 3; ++m) y[m] -= sum(total[m]);
+  }
+
   /// Moves landmark l. \param y  its L^-1 b - Z^T x   \param held  damping of its coordinates   \param gain  added to
   TURBOMAP_HD void move(int l, const double (&y)[3], const double (&held)[3], double& gain) const {
     const eliminated_landmark& e = s.landmark[l];
@@ -95,10 +114,15 @@ void launch_substitute_landmarks(const thrust::execution_policy<Derived>& policy
                                  const double* step, const damping& damping, const double* from, double* to,
                                  double* predicted) {
   constexpr int each = 1;  // moving a landmark takes about as long as one of its slots
-  for_each_in_shares(
-      derived(policy), landmark_gain_count(s.landmarks),
-      work_of_landmarks{s.landmark_slot, s.landmarks, substitute_landmarks<A, V, D>::landmarks_per_index, each},
-      substitute_landmarks<A, V, D>{s, step, damping, from, to, predicted});
+  const int n = landmark_gain_count(s.landmarks);
+  const work_of_landmarks work{s.landmark_slot, s.landmarks, substitute_landmarks<A, V, D>::landmarks_per_index, each};
+  if constexpr (is_host_accessible_v<memory_of_t<Derived>> && compact_form<A, V, D>)
+    if (s.compact) {
+      turn_steps<V>(s, step, s.turned);
+      return for_each_in_shares(derived(policy), n, work,
+                                substitute_landmarks<A, V, D, true>{s, s.turned, damping, from, to, predicted});
+    }
+  for_each_in_shares(derived(policy), n, work, substitute_landmarks<A, V, D>{s, step, damping, from, to, predicted});
 }
 
 /// Applies a step to all landmarks and frames: launch_substitute_landmarks() and launch_retract_frames().
