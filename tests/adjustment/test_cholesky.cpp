@@ -20,6 +20,8 @@ TURBOMAP_TEST_EIGEN_BEGIN
 #include <Eigen/Cholesky>
 TURBOMAP_TEST_EIGEN_END
 
+#include "support/policies.hpp"
+
 namespace {
 
 using turbomap::block_cholesky;
@@ -134,6 +136,25 @@ TEST_CASE("dense: singular, indefinite, not a number") {
     A = padded_copy(Eigen::MatrixXd::Zero(n, n));
     CHECK_FALSE(solver.factorise(A.data(), n));
   }
+}
+
+TEST_CASE_TEMPLATE("dense: by threads, the same bits and the same refusals", Policy, TURBOMAP_TEST_POLICIES) {
+  dense_cholesky alone, shared;
+  for (const int n : {0, 5, 60, 64, 100, 180, 255})
+    for (int repeat = 0; repeat < 20; ++repeat) {
+      CAPTURE(n);
+      const Eigen::MatrixXd S = symmetric(n, 2 * n + 5, static_cast<unsigned>(n + repeat));
+      auto A = padded_copy(S), B = A;
+      REQUIRE(alone.factorise(A.data(), n));
+      REQUIRE(shared.factorise(Policy{}, B.data(), n));
+      std::vector<double> x(A.size() + 8, 1.0), y = x;
+      alone.solve(A.data(), n, x.data()), shared.solve(B.data(), n, y.data());
+      CHECK(x == y);
+      if (n < 60) continue;
+      A = padded_copy(S);
+      A[static_cast<std::size_t>((7 * repeat % n) * (dense_cholesky::padded(n) + 1))] = -1;
+      CHECK_FALSE(shared.factorise(Policy{}, A.data(), n));
+    }
 }
 
 template <int D>

@@ -79,8 +79,10 @@ class dense_system {
   std::size_t size() const { return unknowns() * unknowns(); }
   /// Where its blocks go.
   reduced_layout layout(double* S, double* rhs) const { return {S, rhs, padded_, true}; }
-  /// Factorises a matrix on the host, which may be overwritten. False: singular or not positive definite.
-  bool factorise(double* S, double tolerance) {
+  /// Factorises a matrix on the host, which may be overwritten, by the threads of a policy of the host.
+  /// False: singular or not positive definite.
+  template <class Policy>
+  bool factorise(const Policy& policy, double* S, double tolerance) {
     matrix_ = S;
     if constexpr (D > V) {
       auto& ordered = workspace_.ordered;
@@ -89,7 +91,10 @@ class dense_system {
       order_.matrix(S, ordered.data(), padded_);
       matrix_ = ordered.data();
     }
-    return workspace_.dense.factorise(matrix_, n_, tolerance);
+    if constexpr (is_host_accessible_v<memory_of_t<Policy>>)
+      return workspace_.dense.factorise(policy, matrix_, n_, tolerance);
+    else
+      return workspace_.dense.factorise(matrix_, n_, tolerance);
   }
   /// x = S^-1 x, on the host, by the factor.
   void substitute(double* x) const {
@@ -131,7 +136,10 @@ class sparse_system {
   /// Where its blocks go: one after the other.
   reduced_layout layout(double* S, double* rhs) const { return {S, rhs, 0, false}; }
   /// As of dense_system.
-  bool factorise(double* S, double tolerance) { return factor_.factorise(S, tolerance); }
+  template <class Policy>
+  bool factorise(const Policy&, double* S, double tolerance) {
+    return factor_.factorise(S, tolerance);
+  }
   /// As of dense_system.
   void substitute(double* x) const { factor_.solve(x); }
 
@@ -163,7 +171,8 @@ class cholesky_solver {
     form(ctx, damping);
     solves_there_ = solve_there(ctx);
     if (solves_there_) return enqueued();
-    if (!system_.factorise(on_host(ctx, matrix_, system_.size(), workspace_.matrix), default_pivot_tolerance))
+    if (!system_.factorise(ctx.policy(), on_host(ctx, matrix_, system_.size(), workspace_.matrix),
+                           default_pivot_tolerance))
       return {};
     double* x = on_host(ctx, x_, unknowns(), workspace_.x);
     system_.substitute(x);
