@@ -9,6 +9,8 @@ set -eu -o pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
+# shellcheck source=tests/compare_digests.sh
+. tests/compare_digests.sh
 flags=(-std=c++17 -w -DTHRUST_DEVICE_SYSTEM=THRUST_DEVICE_SYSTEM_CPP -Iinclude -Itests "$@")
 for folder in /usr/include/eigen3 /usr/local/cuda/include/cccl; do
   if [ -d "$folder" ]; then flags+=(-isystem "$folder"); fi
@@ -19,9 +21,7 @@ for compiler in g++ clang++; do
     # shellcheck disable=SC2086  # several flags
     "$compiler" "${flags[@]}" $how tests/mapping/test_same_map.cpp tests/support/main.cpp -o "$work/test" -lpthread
     "$work/test" -tc='decisions*' >"$work/out" || { cat "$work/out"; exit 1; }
-    sed -nE 's/^turbomap-digest //p' "$work/out" >"$work/found"
-    printf '%-40s %s\n' "$compiler $how" "$(awk '{ print $2 }' "$work/found" | tr '\n' ' ')"
-    [ -e "$work/first" ] || cp "$work/found" "$work/first"
-    cmp -s "$work/first" "$work/found" || { echo 'DIFFERENT'; exit 1; }
+    compare_digests "$compiler $how" digest
   done
 done
+require_compared

@@ -20,6 +20,13 @@
 #define TURBOMAP_WITH_NVTX 0
 #endif
 
+// 1: host adjustments give the same bits on every x86-64 processor, from g++ and clang++, in C++ files (docs/adjustment.md, The
+// same bits; CUDA files compute with one lane, in another order). The compiler has to be told too, which the CMake option of
+// this name does: -ffp-contract=off, and g++ -fno-tree-slp-vectorize.
+#if !defined(TURBOMAP_REPRODUCIBLE)
+#define TURBOMAP_REPRODUCIBLE 0
+#endif
+
 #if !TURBOMAP_HAS_CUDA && !defined(THRUST_DEVICE_SYSTEM)
 #error \
     "turbomap: THRUST_DEVICE_SYSTEM is not defined, and without it Thrust assumes CUDA. Link the CMake target \
@@ -59,6 +66,11 @@ turbomap::turbomap, or compile with -DTHRUST_DEVICE_SYSTEM=THRUST_DEVICE_SYSTEM_
 #else
 #define TURBOMAP_DETAIL_TARGET _base
 #endif
+#if TURBOMAP_REPRODUCIBLE
+#define TURBOMAP_DETAIL_NUMBERS _reproducible
+#else
+#define TURBOMAP_DETAIL_NUMBERS
+#endif
 // Bytes of the vectors that math/pack.hpp computes with; 0: plain scalars. It follows the names above, so that one version
 // of a function never meets the other.
 #if TURBOMAP_HAS_CUDA || !defined(__GNUC__)
@@ -75,7 +87,8 @@ turbomap::turbomap, or compile with -DTHRUST_DEVICE_SYSTEM=THRUST_DEVICE_SYSTEM_
 #else
 #define TURBOMAP_X86_VECTORS 0
 #endif
-#define TURBOMAP_ABI TURBOMAP_DETAIL_JOIN(TURBOMAP_DETAIL_COMPILER, TURBOMAP_DETAIL_TARGET)
+#define TURBOMAP_ABI \
+  TURBOMAP_DETAIL_JOIN(TURBOMAP_DETAIL_COMPILER, TURBOMAP_DETAIL_JOIN(TURBOMAP_DETAIL_TARGET, TURBOMAP_DETAIL_NUMBERS))
 
 #define TURBOMAP_BEGIN_NAMESPACE \
   namespace turbomap {           \

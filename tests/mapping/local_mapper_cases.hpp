@@ -13,6 +13,8 @@
 
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
+#include <string>
 #include <type_traits>
 #include <vector>
 
@@ -97,6 +99,46 @@ void check_same_map(const Policy& policy, const mapping_case<Camera>& c, int key
     worst = std::max(worst, std::abs(x.x - y.x) + std::abs(x.y - y.y) + std::abs(x.z - y.z));
   });
   CHECK(worst <= (exact ? 0 : 1e-9));
+}
+
+/// All integers of a run whose inputs do not depend on the compiler: what each stage counted, and names, octaves, descriptors
+/// and observations of the map after each keyframe. Poses stay as they were given: no adjustment.
+/// \param computed  what is computed of points counts too: positions, normals, ranges
+template <class Policy, class Camera>
+std::uint64_t decisions(const Policy& policy, mapping_case<Camera> c, int keyframes, bool computed = false) {
+  c.recipe.rounded = true;
+  const mapping_scene<Camera> scene(c.rig, c.recipe);
+  mapping_run<mapped_by<Camera>, Policy> run(scene, c.options, {}, policy);
+  std::uint64_t digest = 14695981039346656037U;  // FNV-1a
+  const auto add = [&digest](const void* data, std::size_t bytes) {
+    for (std::size_t i = 0; i < bytes; ++i)
+      digest = (digest ^ static_cast<const unsigned char*>(data)[i]) * 1099511628211U;
+  };
+  for (int n = 0; n < keyframes; ++n) {
+    const auto counted = counts(run.step());
+    const std::string map = content(run.map, computed);
+    add(counted.data(), counted.size() * sizeof counted[0]), add(map.data(), map.size());
+  }
+  CHECK(run.quality().points > 100);
+  return digest;
+}
+/// Prints decisions() of four scenes, each as a line `turbomap-digest NAME VALUE`, and their digest.
+template <class Policy>
+std::vector<std::uint64_t> print_decisions(const Policy& policy) {
+  mapping_recipe back = noisy(5);
+  back.turn_back = 6;
+  auto pairs = rig_case(noisy(9));
+  pairs.options.creation.rule = turbomap::creation_rule::pairs;
+  std::vector<std::uint64_t> all;
+  const auto print = [&all](const char* name, std::uint64_t digest) {
+    std::printf("turbomap-digest %s %016llx\n", name, static_cast<unsigned long long>(digest));
+    all.push_back(digest);
+  };
+  print("stereo-decisions", decisions(policy, stereo_case(back), 14));
+  print("fisheye-rig-decisions", decisions(policy, rig_case(noisy(6)), 9));
+  print("fisheye-rig-pairs-decisions", decisions(policy, pairs, 9));
+  print("mono-decisions", decisions(policy, monocular_case(noisy(7)), 12));
+  return all;
 }
 
 /// A whole run, and what became of the truth.

@@ -24,6 +24,16 @@ TEST_CASE("the same map as under thrust::seq, sound after every keyframe") {
   check_same_map(on.policy(), serial, 6, false);
 }
 
+TEST_CASE("decisions, to be compared with those of other compilers, and results with those of other architectures") {
+  const stream on;
+  CHECK(print_decisions(on.policy()) == print_decisions(sequential_policy{}));
+  // What is computed of points: the same bits for whatever architecture this is compiled. See tests/same_architectures.sh.
+  const auto stereo = decisions(on.policy(), stereo_case(noisy(5)), 14, true);
+  const auto rig = decisions(on.policy(), rig_case(noisy(6)), 9, true);
+  std::printf("turbomap-device-bits stereo %016llx\n", static_cast<unsigned long long>(stereo));
+  std::printf("turbomap-device-bits fisheye-rig %016llx\n", static_cast<unsigned long long>(rig));
+}
+
 TEST_CASE("without noise the map is right") {
   const stream on;
   check_perfect(quality_of(on.policy(), stereo_case(), 14), 150);

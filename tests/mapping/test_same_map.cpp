@@ -6,8 +6,6 @@
 /// true to the landmarks. Continuous integration compiles it for several processors, and compares the digests of decisions that
 /// it prints, which must not depend on compiler or processor.
 
-#include <cstdio>
-
 #include "local_mapper_cases.hpp"
 #include "support/policies.hpp"
 
@@ -29,40 +27,8 @@ TEST_CASE_TEMPLATE("the same map under every policy, sound after every keyframe"
   check_same_map(Policy{}, pairs, 6);
 }
 
-/// All integers of a run whose inputs do not depend on the compiler: what each stage counted, and names, octaves, descriptors
-/// and observations of the map after each keyframe. Poses stay as they were given: no adjustment.
-template <class Camera>
-std::uint64_t decisions(mapping_case<Camera> c, int keyframes) {
-  c.recipe.rounded = true;
-  const mapping_scene<Camera> scene(c.rig, c.recipe);
-  mapping_run<mapped_by<Camera>, sequential_policy> run(scene, c.options);
-  std::uint64_t digest = 14695981039346656037U;  // FNV-1a
-  const auto add = [&digest](const void* data, std::size_t bytes) {
-    for (std::size_t i = 0; i < bytes; ++i)
-      digest = (digest ^ static_cast<const unsigned char*>(data)[i]) * 1099511628211U;
-  };
-  for (int n = 0; n < keyframes; ++n) {
-    const auto counted = counts(run.step());
-    const std::string map = content(run.map, false);
-    add(counted.data(), counted.size() * sizeof counted[0]), add(map.data(), map.size());
-  }
-  CHECK(run.quality().points > 100);
-  return digest;
-}
-
 TEST_CASE("decisions, to be compared with those of other compilers and processors") {
-  mapping_recipe back = noisy(5);
-  back.turn_back = 6;
-  auto pairs = rig_case(noisy(9));
-  pairs.options.creation.rule = turbomap::creation_rule::pairs;
-  std::printf("turbomap-digest stereo-decisions %016llx\n",
-              static_cast<unsigned long long>(decisions(stereo_case(back), 14)));
-  std::printf("turbomap-digest fisheye-rig-decisions %016llx\n",
-              static_cast<unsigned long long>(decisions(rig_case(noisy(6)), 9)));
-  std::printf("turbomap-digest fisheye-rig-pairs-decisions %016llx\n",
-              static_cast<unsigned long long>(decisions(pairs, 9)));
-  std::printf("turbomap-digest mono-decisions %016llx\n",
-              static_cast<unsigned long long>(decisions(monocular_case(noisy(7)), 12)));
+  print_decisions(sequential_policy{});
 }
 
 TEST_CASE_TEMPLATE("without noise the map is right", Policy, TURBOMAP_TEST_POLICIES) {

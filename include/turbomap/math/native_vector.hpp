@@ -58,7 +58,7 @@ inline constexpr bool is_split = N* static_cast<int>(sizeof(T)) > 16 && TURBOMAP
 #if TURBOMAP_X86_VECTORS
 inline __m128 vector_sqrt(__m128 v) { return _mm_sqrt_ps(v); }
 inline __m128d vector_sqrt(__m128d v) { return _mm_sqrt_pd(v); }
-#if defined(__FMA__)
+#if defined(__FMA__) && !TURBOMAP_REPRODUCIBLE
 inline __m128 vector_fma(__m128 a, __m128 b, __m128 c) { return _mm_fmadd_ps(a, b, c); }
 inline __m128d vector_fma(__m128d a, __m128d b, __m128d c) { return _mm_fmadd_pd(a, b, c); }
 inline __m256 vector_fma(__m256 a, __m256 b, __m256 c) { return _mm256_fmadd_ps(a, b, c); }
