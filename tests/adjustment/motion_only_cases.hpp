@@ -101,6 +101,32 @@ void check_poses_found(const Policy& policy) {
   }
 }
 
+/// Taking the last step as it is, poses do not depend on the order in which observations are summed; by default the rounding of
+/// the cost decides about steps of some 1e-9 m.
+template <class Policy>
+void check_last_step(const Policy& policy) {
+  const frames_input in(make_adjustment_scene(scene_kind::stereo, 200, 0, 60, 9));
+  frames_input back = in;
+  for (std::size_t f = 0; f < in.s.poses.size(); ++f) {
+    const auto reverse = [&](auto& x) { std::reverse(x.begin() + in.begin[f], x.begin() + in.begin[f + 1]); };
+    reverse(back.point), reverse(back.pixel), reverse(back.information), reverse(back.camera);
+  }
+  motion_only_options options;
+  options.min_predicted_decrease = 1e-12, options.take_last_step = true;
+  const posed a = adjust_poses(policy, in, options), b = adjust_poses(policy, back, options);
+  const posed usual = adjust_poses(policy, in);
+  for (std::size_t f = 0; f < a.frames.size(); ++f) {
+    CAPTURE(f);
+    CHECK(a.frames[f].inliers == b.frames[f].inliers);
+    CHECK(pose_error(a.frames[f].T_cw, b.frames[f].T_cw) <= 1e-12);
+    CHECK(pose_error(a.frames[f].T_cw, usual.frames[f].T_cw) <= 5e-8);
+  }
+  for (const double bad : {-1., 1e-5, std::numeric_limits<double>::quiet_NaN()}) {
+    options.min_predicted_decrease = bad;
+    CHECK_THROWS_AS(adjust_poses(policy, in, options), std::invalid_argument);
+  }
+}
+
 /// Frames that cannot be adjusted: all outliers (1), not a number (3), no observation (5), too few (6), no rotation (7, 8).
 /// Frame 2 sees a point that is not a number: an outlier like others.
 inline frames_input frames_to_refuse() {

@@ -23,6 +23,10 @@ TEST_CASE_TEMPLATE("poses are found among outliers, and outliers told", Policy, 
   check_poses_found(Policy{});
 }
 
+TEST_CASE_TEMPLATE("a last step that is taken as it is: poses whatever the order", Policy, TURBOMAP_TEST_POLICIES) {
+  check_last_step(Policy{});
+}
+
 TEST_CASE_TEMPLATE("poses and outliers are those of the oracle", Policy, TURBOMAP_TEST_POLICIES) {
   for (const auto kind : {scene_kind::mono, scene_kind::stereo, scene_kind::fisheye_rig}) {
     CAPTURE(static_cast<int>(kind));

@@ -238,8 +238,11 @@ struct adjust_one_pose {
         continue;
       }
       for (int i = 0; i < 6; ++i) predicted += x[i] * (control.lambda * x[i] + now[triangle + i]);
-      if (!(predicted > 1e-14 * best)) return true;
       const rigid_transform<double> moved = left_exp(x, T_cw);
+      if (!(predicted > options.min_predicted_decrease * best)) {
+        if (options.take_last_step && predicted > 0) T_cw = moved;
+        return true;
+      }
       const double* next = linearise(f, team, robust, moved, 1 - place);
       if (!control.accepts(best, next[normal_equations], predicted)) continue;
       best = next[normal_equations], T_cw = moved;
