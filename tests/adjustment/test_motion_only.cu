@@ -73,6 +73,7 @@ TEST_CASE("bad input is refused") {
 TEST_CASE("points that are not exact") {
   const stream on;
   check_uncertain_poses(on.policy());
+  check_unbiased_step(on.policy());
   check_exact_covariances(on.policy());
   check_bad_covariances(on.policy());
   const uncertain_frames u(scene_kind::stereo);

@@ -5,8 +5,9 @@
 /// \file
 /// The pose of one frame from points that are held fixed: Levenberg and Marquardt's method on six unknowns, in rounds; after
 /// each, observations that do not fit are told as outliers and the next round does without them. Points that are not exact
-/// count less along the directions in which they are not known. One frame is the work of a team: of one thread, of a block, or
-/// of a cluster of blocks (cuda/adjust_poses.cuh), whose members share the observations and agree on all else.
+/// are unknowns too: at every pose each moves to where its covariance and its pixel agree best (uncertain_point.hpp). One
+/// frame is the work of a team: of one thread, of a block, or of a cluster of blocks (cuda/adjust_poses.cuh), whose members
+/// share the observations and agree on all else.
 
 #include <cmath>
 #include <cstdint>
@@ -23,6 +24,7 @@
 #include "reprojection.hpp"
 #include "robust.hpp"
 #include "small_cholesky.hpp"
+#include "uncertain_point.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -57,7 +59,7 @@ struct team_of_one {
   }
 };
 
-/// Index = frame. \tparam Exact  points are: `covariance` and `spread` are not read
+/// Index = frame. \tparam Exact  points are: `covariance` is not read
 template <class Camera, bool Exact>
 struct adjust_one_pose {
   const adjustment_camera<Camera>* cameras;  ///< of the rig
@@ -71,7 +73,6 @@ struct adjust_one_pose {
   motion_only_options options;               ///< thresholds and rounds
   posed_frame* result;                       ///< [frame]
   std::uint8_t* outlier;                     ///< [observation]
-  symmetric3<double>* spread;                ///< [observation] see weigh()
 
   /// Frame f by one thread.
   TURBOMAP_HD void operator()(int f) const {
@@ -108,13 +109,11 @@ struct adjust_one_pose {
     const rigid_transform<double> start = normalised(guess[f]);
     const double square = start.qx * start.qx + start.qy * start.qy + start.qz * start.qz + start.qw * start.qw;
     if (!(square > 0.5)) return false;  // no rotation: it could not be normalised
-    if constexpr (!Exact) weigh(f, team, start);
     for (int round = 0; round < options.rounds; ++round) {
       const bool robust = round < options.robust_rounds;
       // [ORB-SLAM3] starts every round at the first guess: a pose that outliers have dragged away does not matter then.
       r.T_cw = start;
       if (!optimise(f, team, robust, r.T_cw, r.cost)) return false;
-      if constexpr (!Exact) weigh(f, team, r.T_cw);
       r.inliers = classify(f, team, r.T_cw);
       if (r.inliers < options.min_observations) return false;
     }
@@ -122,33 +121,23 @@ struct adjust_one_pose {
     return true;
   }
 
-  /// Where points are not exact: the covariance of each observation's residual, sigma^2 I + J Sigma J^T at this pose, as its
-  /// Cholesky factor. Constant until the next pose of a round: the cost of a step can be compared with that before it.
-  template <class Team>
-  TURBOMAP_HD void weigh(int f, const Team& team, const rigid_transform<double>& T_cw) const {
-    const isometry<double> T = to_isometry<double>(T_cw);
-    const mat3<double> R_wb = transpose(T.R);
-    for_each_of(f, team, [&](int i) {
-      lane_reprojection<double, double, 1> r{};
-      vec3<pack<double, 1>> X;
-      const bool stereo = project<true>(i, T, r, X);
-      vec3<double> by_X[3] = {};
-      if (r.defined.v[0] > 0)
-        for (int k = 0; k < (stereo ? 3 : 2); ++k)
-          by_X[k] = R_wb * vec3<double>{r.d[k][0].v[0], r.d[k][1].v[0], r.d[k][2].v[0]};
-      spread[i] = spread_of_difference(projected_covariance(to_symmetric<double>(covariance[i]), by_X), stereo,
-                                       1 / information[i], 0.0);
-    });
+  /// Where the rays of points that are not exact begin: the same for every pose that is tried, so that costs can be compared.
+  TURBOMAP_HD vec3<double> rays_from(int f) const {
+    if constexpr (Exact)
+      return {};
+    else
+      return camera_centre(to_isometry<double>(normalised(guess[f])));
   }
 
-  /// The rows of an observation, and the point in body coordinates. Returns whether there is a third one.
+  /// The rows of an observation of a point in the world, and that point in body coordinates. Returns whether there is a third
+  /// row.
   template <bool Derivative>
-  TURBOMAP_HD bool project(int i, const isometry<double>& T, lane_reprojection<double, double, 1>& r,
-                           vec3<pack<double, 1>>& X) const {
+  TURBOMAP_HD bool project(int i, const isometry<double>& T, const vec3<double>& at,
+                           lane_reprojection<double, double, 1>& r, vec3<pack<double, 1>>& X) const {
     using P = pack<double, 1>;
     const auto& c = cameras[camera == nullptr ? 0 : camera[i]];
     const bool stereo = c.bf > 0 && pixel[i].z >= 0;
-    X = transform(T, vec3<P>{P(point[i].x), P(point[i].y), P(point[i].z)});
+    X = transform(T, vec3<P>{P(at.x), P(at.y), P(at.z)});
     const vec3<P> z{P(pixel[i].x), P(pixel[i].y), P(stereo ? pixel[i].z : 0.0)};
     if (stereo)
       r.template compute<Derivative, true>(c, X, z);
@@ -157,14 +146,37 @@ struct adjust_one_pose {
     return stereo;
   }
 
-  /// Rows and derivatives of unit covariance, where points are not exact.
-  template <bool Derivative>
-  TURBOMAP_HD static void whiten(const symmetric3<double>& L, lane_reprojection<double, double, 1>& r) {
-    const vec3<double> e = solve_lower(L, vec3<double>{r.e[0].v[0], r.e[1].v[0], r.e[2].v[0]});
-    r.e[0].v[0] = e.x, r.e[1].v[0] = e.y, r.e[2].v[0] = e.z;
-    for (int c = 0; Derivative && c < 3; ++c) {
-      const vec3<double> d = solve_lower(L, vec3<double>{r.d[0][c].v[0], r.d[1][c].v[0], r.d[2][c].v[0]});
-      r.d[0][c].v[0] = d.x, r.d[1][c].v[0] = d.y, r.d[2][c].v[0] = d.z;
+  /// The same of a point that is not exact, moved to where it agrees best with its pixel; rows and derivatives of unit
+  /// covariance. With J by the point's step and C = sigma^2 I + J Sigma J^T, a step of Gauss and Newton for the point goes to
+  /// -Sigma J^T C^-1 (e - J step), and the chi2 of its error and the pixel's together is that of e - J step by C.
+  /// \param from  the centre of uncertain_point
+  TURBOMAP_HD bool project_uncertain(int i, const isometry<double>& T, const vec3<double>& from,
+                                     lane_reprojection<double, double, 1>& r, vec3<pack<double, 1>>& X) const {
+    const mat3<double> R_wb = transpose(T.R);
+    const symmetric3<double> Sigma = to_symmetric<double>(covariance[i]);
+    uncertain_point x(point[i], from);
+    for (int left = options.point_steps;; --left) {
+      const bool stereo = project<true>(i, T, x.at(), r, X);
+      if (!(r.defined.v[0] > 0)) return stereo;
+      vec3<double> J[3] = {};
+      for (int k = 0; k < (stereo ? 3 : 2); ++k)
+        J[k] = x.by_step(R_wb * vec3<double>{r.d[k][0].v[0], r.d[k][1].v[0], r.d[k][2].v[0]});
+      const symmetric3<double> L =
+          spread_of_difference(projected_covariance(Sigma, J), stereo, 1 / information[i], 0.0);
+      const auto whitened = [&](double u, double v, double w) { return solve_lower(L, vec3<double>{u, v, w}); };
+      const vec3<double> e = whitened(r.e[0].v[0] - dot(J[0], x.step()), r.e[1].v[0] - dot(J[1], x.step()),
+                                      stereo ? r.e[2].v[0] - dot(J[2], x.step()) : 0);
+      if (left <= 0) {
+        r.e[0].v[0] = e.x, r.e[1].v[0] = e.y, r.e[2].v[0] = e.z;
+        for (int c = 0; c < 3; ++c) {
+          const vec3<double> d = whitened(r.d[0][c].v[0], r.d[1][c].v[0], r.d[2][c].v[0]);
+          r.d[0][c].v[0] = d.x, r.d[1][c].v[0] = d.y, r.d[2][c].v[0] = d.z;
+        }
+        return stereo;
+      }
+      const vec3<double> w = solve_upper(L, e), g = -w.x * J[0] - w.y * J[1] - w.z * J[2], step = Sigma * g;
+      const double chi2 = dot(g, step), most = options.point_sigmas * options.point_sigmas;  // of the step alone
+      x.go((chi2 > most ? std::sqrt(most / chi2) : 1) * step);
     }
   }
 
@@ -180,14 +192,19 @@ struct adjust_one_pose {
   }
 
   /// chi2 of an observation, and, where asked for, its part of the normal equations. Negative: not defined.
+  /// \param from  as of project_uncertain()
   template <bool Derivative>
-  TURBOMAP_HD double observe(int i, const isometry<double>& T, bool robust, double* H, double* b, double& rho) const {
+  TURBOMAP_HD double observe(int i, const isometry<double>& T, const vec3<double>& from, bool robust, double* H,
+                             double* b, double& rho) const {
     lane_reprojection<double, double, 1> r{};
     vec3<pack<double, 1>> X;
-    const bool stereo = project<Derivative>(i, T, r, X);
+    bool stereo;
+    if constexpr (Exact)
+      stereo = project<Derivative>(i, T, point[i], r, X), (void)from;
+    else
+      stereo = project_uncertain(i, T, from, r, X);
     if (!(r.defined.v[0] > 0)) return -1;
     const int size = stereo ? 3 : 2;
-    if constexpr (!Exact) whiten<Derivative>(spread[i], r);
     const double info = Exact ? information[i] : 1;
     double e[3], chi2 = 0, weight = 1;
     for (int k = 0; k < size; ++k) e[k] = r.e[k].v[0], chi2 += info * e[k] * e[k];
@@ -210,12 +227,13 @@ struct adjust_one_pose {
   TURBOMAP_HD const double* linearise(int f, const Team& team, bool robust, const rigid_transform<double>& T_cw,
                                       int place) const {
     const isometry<double> T = to_isometry<double>(T_cw);
+    const vec3<double> from = rays_from(f);
     double sums[normal_equations + 1] = {};
     for_each_of(f, team, [&](int i) {
       if (outlier[i] != 0) return;
       double rho = 0;
       // What a step leaves undefined counts as 1000 px off.
-      if (observe<true>(i, T, robust, sums, sums + triangle, rho) < 0) rho = 1e6 * information[i];
+      if (observe<true>(i, T, from, robust, sums, sums + triangle, rho) < 0) rho = 1e6 * information[i];
       sums[normal_equations] += rho;
     });
     return team.sum(sums, place);
@@ -255,12 +273,13 @@ struct adjust_one_pose {
   template <class Team>
   TURBOMAP_HD int classify(int f, const Team& team, const rigid_transform<double>& T_cw) const {
     const isometry<double> T = to_isometry<double>(T_cw);
+    const vec3<double> from = rays_from(f);
     double inliers[1] = {};
     for_each_of(f, team, [&](int i) {
       const auto& c = cameras[camera == nullptr ? 0 : camera[i]];
       const bool stereo = c.bf > 0 && pixel[i].z >= 0;
       double rho;
-      const double chi2 = observe<false>(i, T, false, nullptr, nullptr, rho);
+      const double chi2 = observe<false>(i, T, from, false, nullptr, nullptr, rho);
       const double depth = (c.T_camera_body * (T * point[i])).z;
       const bool good =
           chi2 >= 0 && chi2 <= (stereo ? options.stereo_chi2 : options.mono_chi2) && (depth > 0 || !c.straight);

@@ -36,8 +36,8 @@ struct motion_only_input {
   span<const vec3<double>> pixel;            ///< u, v, u_right; negative or NaN u_right: none
   span<const double> information;            ///< 1 / sigma^2, px^-2
   span<const std::uint8_t> camera = {};      ///< of the rig; empty: the first
-  /// [observation] how well its point is known, world, m^2: a row counts, and is an outlier, by sigma^2 + J Sigma J^T instead
-  /// of sigma^2 (camera/point_uncertainty.hpp). Empty: all points are exact.
+  /// [observation] how well its point is known, world, m^2. Points are unknowns too then (uncertain_point.hpp), and chi2, for
+  /// kernel and gates, is that of the pixel's error and of the point's together. Empty: all points are exact.
   span<const point_covariance> covariance = {};
 };
 
@@ -75,8 +75,7 @@ class motion_only {
       launch_adjust_poses(
           policy, static_cast<int>(frames),
           adjust_one_pose<Camera, exact.value>{inputs..., options, reinterpret_cast<posed_frame*>(results),
-                                               reinterpret_cast<std::uint8_t*>(results) + frame_bytes,
-                                               exact ? nullptr : ctx.template scratch<symmetric3<double>>(n)});
+                                               reinterpret_cast<std::uint8_t*>(results) + frame_bytes});
     };
     with_resident(
         ctx, inputs_,
@@ -122,6 +121,8 @@ class motion_only {
     require(options.min_predicted_decrease >= 0 && options.min_predicted_decrease <= 1e-6,
             "options.min_predicted_decrease", options.min_predicted_decrease, "must be within 0 and 1e-6");
     require_correlation(options.stereo_correlation, "options.stereo_correlation");
+    require(options.point_steps >= 0, "options.point_steps", options.point_steps, "must not be negative");
+    require(options.point_sigmas > 0, "options.point_sigmas", options.point_sigmas, "must be positive");
     require(options.min_observations >= 1, "options.min_observations", options.min_observations, "must be positive");
   }
 

@@ -77,6 +77,12 @@ TURBOMAP_HD vec3<S> solve_lower(const symmetric3<S>& L, const vec3<S>& b) {
   const S x = b.x / L.xx, y = (b.y - L.yx * x) / L.yy;
   return {x, y, (b.z - L.zx * x - L.zy * y) / L.zz};
 }
+/// L^T x = b
+template <class S>
+TURBOMAP_HD vec3<S> solve_upper(const symmetric3<S>& L, const vec3<S>& b) {
+  const S z = b.z / L.zz, y = (b.y - L.zy * z) / L.yy;
+  return {(b.x - L.yx * y - L.zx * z) / L.xx, y, z};
+}
 
 /// The inverse of a positive definite A, by its Cholesky factor; `least` as in cholesky().
 template <class S>
