@@ -10,6 +10,7 @@
 #include <thrust/execution_policy.h>
 #include <thrust/system/cuda/execution_policy.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -36,8 +37,8 @@ using namespace turbomap_test;
 using turbomap::adjustment_structure;
 using sequential = std::decay_t<decltype(thrust::seq)>;
 
-/// Frames of which some are fixed or see nothing, landmarks that no frame sees, or one frame twice.
-adjustment_structure random_structure(int frames, int landmarks, int rows) {
+/// Frames of which some are fixed or see nothing, landmarks that no frame sees, or one frame twice; factors between frames.
+adjustment_structure random_structure(int frames, int landmarks, int rows, int factors = 0) {
   std::mt19937 random(static_cast<unsigned>(frames + rows));
   std::vector<std::int32_t> frame, landmark;
   std::vector<std::uint8_t> fixed;
@@ -49,9 +50,22 @@ adjustment_structure random_structure(int frames, int landmarks, int rows) {
   }
   const std::vector<turbomap::landmark_group_input> groups{
       {{frame.data(), frame.size()}, {landmark.data(), landmark.size()}, nullptr, 1}};
+  std::vector<std::int32_t> first, second;
+  for (int i = 0; i < factors; ++i) {
+    first.push_back(static_cast<std::int32_t>(random() % static_cast<unsigned>(frames)));
+    second.push_back((first.back() + 1 + static_cast<std::int32_t>(random() % 2U)) % frames);
+    if (random() % 2U == 0) std::swap(first.back(), second.back());
+  }
+  const std::vector<turbomap::frame_group_input> between{{{first.data(), first.size()}, {second.data(), second.size()}},
+                                                         {{first.data(), first.size() / 2}, {}}};
   adjustment_structure s;
-  turbomap::structure_builder().build(
-      {frames, landmarks, {fixed.data(), fixed.size()}, {groups.data(), groups.size()}, {}, 8}, s);
+  turbomap::structure_builder().build({frames,
+                                       landmarks,
+                                       {fixed.data(), fixed.size()},
+                                       {groups.data(), groups.size()},
+                                       {between.data(), between.size()},
+                                       8},
+                                      s);
   return s;
 }
 
@@ -69,7 +83,7 @@ TEST_CASE("lists of blocks: those of the host, and empty ones between") {
   for (const auto& size :
        {std::array<int, 3>{1, 3, 2}, {2, 1, 2}, {9, 40, 60}, {30, 700, 4000}, {70, 90, 3000}, {150, 50, 1000}}) {
     CAPTURE(size[0]);
-    adjustment_structure s = random_structure(size[0], size[1], size[2]);
+    adjustment_structure s = random_structure(size[0], size[1], size[2], size[0] < 3 ? 0 : 2 * size[0]);
     ctx.begin_call();
     turbomap::resident_structure<turbomap::device_memory> lists(ctx.resource());
     lists.send_sums(ctx.policy(), s);
@@ -83,14 +97,18 @@ TEST_CASE("lists of blocks: those of the host, and empty ones between") {
     const auto row = fetched(ctx, view.block_row, n), column = fetched(ctx, view.block_column, n);
     const auto begin = fetched(ctx, view.block_pair, n + 1), factor = fetched(ctx, view.block_factor, n + 1);
     const auto pairs = fetched(ctx, view.pairs, s.pairs.size());
+    const auto codes = fetched(ctx, view.factor_list, s.factor_list.size());
+    REQUIRE(static_cast<std::size_t>(factor.back()) == s.factor_list.size());
+    CHECK((size[0] < 3 || codes.size() > 0));
+    CHECK(std::equal(codes.begin(), codes.end(), s.factor_list.begin()));
     REQUIRE(static_cast<std::size_t>(begin.back()) == s.pairs.size());
     std::size_t k = 0;
     for (std::size_t b = 0; b < n; ++b) {
-      CHECK(factor[b + 1] == 0);
-      if (begin[b] == begin[b + 1]) continue;
+      if (begin[b] == begin[b + 1] && factor[b] == factor[b + 1]) continue;
       REQUIRE(k < s.block_row.size());
       CHECK((row[b] == s.block_row[k] && column[b] == s.block_column[k]));
       CHECK((begin[b] == s.block_pair[k] && begin[b + 1] == s.block_pair[k + 1]));
+      CHECK((factor[b] == s.block_factor[k] && factor[b + 1] == s.block_factor[k + 1]));
       ++k;
     }
     CHECK(k == s.block_row.size());
@@ -101,15 +119,13 @@ TEST_CASE("lists of blocks: those of the host, and empty ones between") {
   }
 }
 
-TEST_CASE("lists of blocks that are the host's: many frames, factors between frames") {
+TEST_CASE("lists of blocks that are the host's: many frames, host policies") {
   const stream on;
   turbomap::context<stream_policy> ctx{on.policy()};
   turbomap::schur_view<double> view;
   adjustment_structure s = random_structure(200, 50, 300);
   CHECK_FALSE(turbomap::launch_list_blocks(ctx.policy(), ctx.scratch(), s, view));
   s = random_structure(9, 20, 60);
-  s.frame_pairs.push_back({0, 1});
-  CHECK_FALSE(turbomap::launch_list_blocks(ctx.policy(), ctx.scratch(), s, view));
   CHECK_FALSE(turbomap::launch_list_blocks(thrust::seq, ctx.scratch(), s, view));
 }
 

@@ -37,6 +37,8 @@ adjusted adjust_scene(const Policy& policy, const inertial_scene& s, const turbo
   adjusted a;
   a.summary = turbomap::adjust<methods>(ctx, problem, options);
   problem.frames(ctx, a.states);
+  if constexpr (!turbomap::is_host_accessible_v<turbomap::memory_of_t<Policy>>)
+    CHECK(problem.structure().groups_elsewhere);  // the device made the lists
   return a;
 }
 

@@ -61,16 +61,17 @@ class block_sender {
 
 }  // namespace detail
 
-/// \param data     a problem_data with one group, reprojections, which has been checked and described
+/// \param data     a problem_data whose first group is reprojections, the only one with landmarks; all were checked and described
 /// \param builder  its frames are built here
 /// \param distance  gives the typical distance of a landmark, see group_place
 /// \param hold     makes the masks of held unknowns, which depend on the free frames
 /// \param finite   whether all numbers of rows and landmarks are: told by the policy, which looks at them anyway
+/// \param others   assigns the groups of factors of frames, from the first place that it is given on
 /// \return false: the host must make the lists
-template <class Policy, class Data, class Group, class Distance, class Hold>
+template <class Policy, class Data, class Group, class Distance, class Hold, class Others>
 bool assign_resident(context<Policy>& ctx, Data& data, structure_builder& builder, const structure_input& in,
                      const frame_input<typename Data::frame>& frames, const landmark_input& landmarks,
-                     const Group& group, Distance distance, Hold hold, bool& finite) {
+                     const Group& group, Distance distance, Hold hold, Others others, bool& finite) {
   using Frame = typename Data::frame;
   using state = typename Frame::template state<double>;
   auto& kept = std::get<0>(data.groups);
@@ -102,7 +103,10 @@ bool assign_resident(context<Policy>& ctx, Data& data, structure_builder& builde
   const auto keys = inputs.place<std::int32_t>(n), frame_of_key = inputs.place<std::int32_t>(n);
   const auto row_frame = inputs.place<std::int32_t>(rows), row_landmark = inputs.place<std::int32_t>(rows);
   const auto kind = inputs.place<std::uint8_t>(rows), fixed = inputs.place<std::uint8_t>(landmarks.fixed.size());
-  const auto free_of_frame = inputs.place<std::int32_t>(n), no_factors = inputs.place<std::int32_t>(free + 1);
+  const auto free_of_frame = inputs.place<std::int32_t>(n), frame_factor = inputs.place<std::int32_t>(free + 1);
+  const auto frame_factor_list = inputs.place<std::int32_t>(s.frame_factor_list.size());
+  const auto frame_pair = inputs.place<std::int32_t>(free + 1);
+  const auto neighbours = inputs.place<frame_neighbour>(s.neighbours.size());
   const auto held = inputs.place<std::uint32_t>(masks.size());
   const auto cameras = inputs.place<camera>(static_cast<std::size_t>(group.rig.count));
   const auto states = inputs.place<state>(n);
@@ -130,7 +134,11 @@ bool assign_resident(context<Policy>& ctx, Data& data, structure_builder& builde
   data.landmark_fixed.host().assign(landmarks.fixed.begin(), landmarks.fixed.end());
   data.landmark_fixed.adopt(input.fixed);
   const std::int32_t* const numbers = block.put(free_of_frame, s.free_of_frame.data());
-  data.lists.adopt(numbers, input.frame_of_key, block.put(no_factors, s.frame_factor.data()));
+  const std::int32_t* const partials_of_frame = block.put(frame_factor, s.frame_factor.data());
+  const std::int32_t* const partials = block.put(frame_factor_list, s.frame_factor_list.data());
+  const std::int32_t* const pairs_of_frame = block.put(frame_pair, s.frame_pair.data());
+  data.lists.adopt(numbers, input.frame_of_key, partials_of_frame, partials, pairs_of_frame,
+                   block.put(neighbours, s.neighbours.data()));
   data.held.adopt(block.put(held, masks.data()));
   kept.prepare_cameras(group, distance());
   const camera* const prepared = block.put(cameras, kept.cameras().data());
@@ -153,6 +161,9 @@ bool assign_resident(context<Policy>& ctx, Data& data, structure_builder& builde
   finite = told.not_finite == 0;
   s.sizes = told.sizes, s.partials = told.sizes.chunks, s.elsewhere = s.groups_elsewhere = true;
   kept.made(prepared, told.sizes.chunks);
+  group_place place;
+  place.landmark_group = 1, place.first_chunk = place.first_cost = s.partials;
+  others(place);
   return true;
 }
 

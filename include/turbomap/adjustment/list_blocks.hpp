@@ -17,8 +17,8 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Lists the blocks of a problem without factors between frames in scratch memory of the context, and fills in the view. False:
-/// it leaves that to the host, and nothing was launched.
+/// Lists the blocks of a problem in scratch memory of the context, and fills in the view. False: it leaves that to the host, and
+/// nothing was launched.
 template <class Derived, class Arena, class A>
 bool launch_list_blocks(const thrust::execution_policy<Derived>&, Arena&, const adjustment_structure&, schur_view<A>&) {
   return false;

@@ -248,8 +248,16 @@ void basic_bundle_problem<Memory, Frame, Groups...>::assign(context<Policy>& ctx
     if constexpr (data_type::orders_there) {
       bool rows_finite = true;
       assigned = assign_resident(
-          ctx, data_, builder_, in, frames, landmarks, groups..., [&] { return median_distance(frames, landmarks); },
-          [&] { hold(frames.held); }, rows_finite);
+          ctx, data_, builder_, in, frames, landmarks, std::get<0>(std::tie(groups...)),
+          [&] { return median_distance(frames, landmarks); }, [&] { hold(frames.held); },
+          [&](group_place& place) {
+            const auto take = [&](auto& kept, const auto& given) {
+              if constexpr (!std::decay_t<decltype(kept)>::with_landmarks)
+                kept.assign(ctx.policy(), given, data_.structure, place);
+            };
+            std::apply([&](auto&... g) { (take(g, groups), ...); }, data_.groups);
+          },
+          rows_finite);
       finite = finite && rows_finite;
     }
     if (!assigned) {

@@ -77,8 +77,11 @@ struct problem_data {
   static constexpr bool reprojections_only = !(resident_group<Groups, frame, Memory>::own_landmark_factors || ...);
 
   /// Whether the policy makes the lists of observations, where they are not too long: see order_observations.hpp.
-  static constexpr bool orders_there = !is_host_accessible_v<Memory> && sizeof...(Groups) == 1 &&
-                                       (resident_group<Groups, frame, Memory>::reprojects && ...);
+  /// Of one group with landmarks, the first, which is reprojections.
+  static constexpr bool orders_there =
+      !is_host_accessible_v<Memory> &&
+      (0 + ... + (resident_group<Groups, frame, Memory>::with_landmarks ? 1 : 0)) == 1 &&
+      std::tuple_element_t<0, std::tuple<resident_group<Groups, frame, Memory>...>>::reprojects;
 
   /// \param staging  see context::staging_resource()
   problem_data(std::pmr::memory_resource* r, std::pmr::memory_resource* staging)

@@ -47,12 +47,12 @@ class resident_structure {
     to.frame_partial = sums_.frame_partial.make(frames), to.frame_slot = sums_.frame_slot.make(frames);
     to.partial_list = sums_.partial_list.make(at(in.most_chunks()));
   }
-  /// The lists that are not of observations, where they are already. \param none  zeros, free frames + 1: there are no factors
-  /// of frames
-  void adopt(const std::int32_t* free_of_frame, const std::int32_t* frame_of_free, const std::int32_t* none) {
+  /// The lists that are not of observations, where they are already: see sum_lists.
+  void adopt(const std::int32_t* free_of_frame, const std::int32_t* frame_of_free, const std::int32_t* frame_factor,
+             const std::int32_t* frame_factor_list, const std::int32_t* frame_pair, const frame_neighbour* neighbours) {
     sums_.free_of_frame.adopt(free_of_frame), sums_.frame_of_free.adopt(frame_of_free);
-    sums_.frame_factor.adopt(none), sums_.frame_pair.adopt(none);
-    sums_.frame_factor_list.adopt(nullptr), sums_.neighbours.adopt(nullptr);
+    sums_.frame_factor.adopt(frame_factor), sums_.frame_factor_list.adopt(frame_factor_list);
+    sums_.frame_pair.adopt(frame_pair), sums_.neighbours.adopt(neighbours);
   }
   /// Fetches the lists of observations that the policy made.
   template <class Policy>

@@ -12,9 +12,9 @@
 #include "../array.hpp"
 #include "../config.hpp"
 #include "../found_list.hpp"
+#include "block_scan.cuh"
 #include "parallel.cuh"
 #include "tuning.hpp"
-#include "warp.cuh"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -27,20 +27,6 @@ __global__ void __launch_bounds__(list_found_tuning::threads)
   Entry entry;
   const int n = __syncthreads_count(i < count && found(i, entry));
   if (threadIdx.x == 0) of_block[blockIdx.x] = n;
-}
-
-/// The sums of `mine` over the block and over the threads before this one.
-template <int Threads>
-__device__ inline void scan_block(int mine, int& before, int& all) {
-  __shared__ int of_warp[Threads / warp_size];
-  const int lane = static_cast<int>(threadIdx.x) % warp_size, warp = static_cast<int>(threadIdx.x) / warp_size;
-  const int up_to = sum_up_to_lane(mine);
-  if (lane == warp_size - 1) of_warp[warp] = up_to;
-  __syncthreads();
-  before = up_to - mine, all = 0;
-#pragma unroll
-  for (int w = 0; w < Threads / warp_size; ++w) before += w < warp ? of_warp[w] : 0, all += of_warp[w];
-  __syncthreads();
 }
 
 template <class Found, class Entry>
@@ -56,7 +42,7 @@ __global__ void __launch_bounds__(list_found_tuning::threads)
   Entry entry;
   const bool has = i < count && found(i, entry);
   int all;
-  scan_block<threads>(has ? 1 : 0, before, all);
+  count_block<threads>(has, before, all);
   if (has) list.entries()[begin + before] = entry;
   if (thread == 0 && blockIdx.x + 1 == gridDim.x) *list.size() = begin + all;
 }
@@ -70,7 +56,10 @@ packed_list<Entry> launch_list_found(const thrust::cuda_cub::execution_policy<De
   constexpr int threads = list_found_tuning::threads;
   const int blocks = (count - 1) / threads + 1;
   const std::size_t list_bytes = align_up(packed_list<Entry>::header + static_cast<std::size_t>(count) * sizeof(Entry));
+  const std::size_t before = room.capacity();
   room.resize_discard(list_bytes + static_cast<std::size_t>(blocks) * sizeof(std::int32_t));
+  // More entries may be copied than there are: their bytes should be known to a memory checker.
+  if (room.capacity() != before) fill_bytes(policy, room.data(), 0, room.capacity());
   const packed_list<Entry> list{room.data()};
   auto* const of_block = reinterpret_cast<std::int32_t*>(room.data() + list_bytes);
   launch_kernel(policy, "launch of count_found", detail::count_found_kernel<Found, Entry>, blocks, threads, count,

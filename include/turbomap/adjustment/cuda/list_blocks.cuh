@@ -12,6 +12,7 @@
 #include <limits>
 
 #include "../../config.hpp"
+#include "../../cuda/block_scan.cuh"
 #include "../../cuda/warp.cuh"
 #include "../../parallel.hpp"
 #include "../list_blocks.hpp"
@@ -36,6 +37,12 @@ struct block_listing {
   /// @}
   std::int32_t* begin;  ///< [block + 1]: lengths, then where each list begins
   slot_pair* pairs;     ///< as of block_lists; read only where Write
+  /// @{
+  /// Factors between frames: as of sum_lists, and block_factor and factor_list of block_lists.
+  const std::int32_t* frame_pair;
+  const frame_neighbour* neighbours;
+  std::int32_t *factor_begin, *factor_list;
+  /// @}
 };
 
 /// Index = slot.
@@ -73,31 +80,30 @@ __global__ void __launch_bounds__(Tuning::threads) list_pairs_kernel(block_listi
       at += __popc(shared);
     }
   }
-  if (!Write && lane == 0) w.row[block] = i, w.column[block] = j, w.begin[block + 1] = at;
+  if (lane != 0) return;
+  if (!Write) w.row[block] = i, w.column[block] = j, w.begin[block + 1] = at;
+  int factors = Write ? w.factor_begin[block] : 0;
+  for (int k = w.frame_pair[i]; k < w.frame_pair[i + 1]; ++k) {
+    const frame_neighbour n = w.neighbours[k];
+    if (n.other != j) continue;
+    if (Write) w.factor_list[factors] = 2 * n.factor + (n.is_first != 0 ? 0 : 1);
+    ++factors;
+  }
+  if (!Write) w.factor_begin[block + 1] = factors;
 }
 
-/// One block: where each list begins, from their lengths.
+/// One block: where each list begins, from their lengths. \param begin  [blocks + 1]
 template <class Tuning>
-__global__ void __launch_bounds__(Tuning::scan_threads) begin_lists_kernel(block_listing w) {
-  constexpr int warps = Tuning::scan_threads / warp_size;
-  __shared__ int of_warp[warps];
-  const int thread = static_cast<int>(threadIdx.x), lane = thread % warp_size, warp = thread / warp_size;
-  const int each = (w.blocks + Tuning::scan_threads - 1) / Tuning::scan_threads;
-  const int first = thread * each < w.blocks ? thread * each : w.blocks;
-  const int last = first + each < w.blocks ? first + each : w.blocks;
+__global__ void __launch_bounds__(Tuning::scan_threads) begin_lists_kernel(int blocks, std::int32_t* begin) {
+  const int thread = static_cast<int>(threadIdx.x), each = (blocks + Tuning::scan_threads - 1) / Tuning::scan_threads;
+  const int first = thread * each < blocks ? thread * each : blocks;
+  const int last = first + each < blocks ? first + each : blocks;
   int own = 0;
-  for (int i = first; i < last; ++i) own += w.begin[i + 1];
-  int before = own;
-  for (int d = 1; d < warp_size; d *= 2) {
-    const int x = __shfl_up_sync(whole_warp, before, d);
-    if (lane >= d) before += x;
-  }
-  if (lane == warp_size - 1) of_warp[warp] = before;
-  __syncthreads();
-  before -= own;
-  for (int i = 0; i < warp; ++i) before += of_warp[i];
-  if (thread == 0) w.begin[0] = 0;
-  for (int i = first; i < last; ++i) w.begin[i + 1] = before += w.begin[i + 1];
+  for (int i = first; i < last; ++i) own += begin[i + 1];
+  int before, all;
+  scan_block<Tuning::scan_threads>(own, before, all);
+  if (thread == 0) begin[0] = 0;
+  for (int i = first; i < last; ++i) begin[i + 1] = before += begin[i + 1];
 }
 
 template <class Derived, class Arena, class A>
@@ -106,8 +112,7 @@ bool launch_list_blocks(const thrust::cuda_cub::execution_policy<Derived>& polic
   using tuning = list_blocks_tuning;
   const int frames = s.free_frames;
   const std::int64_t pairs = block_finder::count_pairs(s);
-  if (!s.frame_pairs.empty() || frames > tuning::frames || pairs > std::numeric_limits<std::int32_t>::max())
-    return false;
+  if (frames > tuning::frames || pairs > std::numeric_limits<std::int32_t>::max()) return false;
   const int blocks = frames * (frames - 1) / 2;
   const auto at = [](std::int64_t i) { return static_cast<std::size_t>(i); };
   const std::size_t table = at(frames) * at(s.landmarks);
@@ -123,26 +128,32 @@ bool launch_list_blocks(const thrust::cuda_cub::execution_policy<Derived>& polic
                   nullptr,
                   nullptr,
                   nullptr,
+                  nullptr,
+                  view.frame_pair,
+                  view.neighbours,
+                  nullptr,
                   nullptr};
   w.slot_of = scratch.template take<std::int32_t>(table);
   w.row = scratch.template take<std::int32_t>(at(blocks));
   w.column = scratch.template take<std::int32_t>(at(blocks));
   w.begin = scratch.template take<std::int32_t>(at(blocks) + 1);
   w.pairs = scratch.template take<slot_pair>(at(pairs));
-  std::int32_t* const no_factors = scratch.template take<std::int32_t>(at(blocks) + 1);
+  w.factor_begin = scratch.template take<std::int32_t>(at(blocks) + 1);
+  w.factor_list = scratch.template take<std::int32_t>(s.frame_pairs.size());
 
   fill_bytes(policy, w.slot_of, 0xff, table * sizeof(std::int32_t));
-  fill_bytes(policy, no_factors, 0, (at(blocks) + 1) * sizeof(std::int32_t));
   for_each_index(policy, w.slots, enter_slot{w});
   constexpr int warps = tuning::threads / warp_size;
   const int grid = (frames * frames + warps - 1) / warps;
   launch_kernel(policy, "launch of list_pairs", list_pairs_kernel<tuning, false>, grid, tuning::threads, w);
-  launch_kernel(policy, "launch of begin_lists", begin_lists_kernel<tuning>, 1, tuning::scan_threads, w);
+  launch_kernel(policy, "launch of begin_lists", begin_lists_kernel<tuning>, 1, tuning::scan_threads, blocks, w.begin);
+  launch_kernel(policy, "launch of begin_lists", begin_lists_kernel<tuning>, 1, tuning::scan_threads, blocks,
+                w.factor_begin);
   launch_kernel(policy, "launch of list_pairs", list_pairs_kernel<tuning, true>, grid, tuning::threads, w);
 
   view.blocks = blocks;
   view.block_row = w.row, view.block_column = w.column, view.block_pair = w.begin, view.pairs = w.pairs;
-  view.block_factor = no_factors, view.factor_list = nullptr;
+  view.block_factor = w.factor_begin, view.factor_list = w.factor_list;
   return true;
 }
 

@@ -11,6 +11,7 @@
 #include <cstdint>
 
 #include "../../config.hpp"
+#include "../../cuda/block_scan.cuh"
 #include "../../cuda/warp.cuh"
 #include "../../parallel.hpp"
 #include "../order_observations.hpp"
@@ -65,23 +66,12 @@ namespace detail {
 /// Sums before each of n numbers, by one block: write(i, sum of read(k) for k < i) for i <= n. Returns the sum of all.
 template <int Threads, class Read, class Write>
 __device__ inline int scan_by_block(int n, Read read, Write write) {
-  constexpr int warps = Threads / warp_size;
-  __shared__ int of_warp[warps];
-  const int thread = static_cast<int>(threadIdx.x), lane = thread % warp_size, warp = thread / warp_size;
-  const int each = (n + Threads - 1) / Threads;
+  const int thread = static_cast<int>(threadIdx.x), each = (n + Threads - 1) / Threads;
   const int first = thread * each < n ? thread * each : n, last = first + each < n ? first + each : n;
   int own = 0;
   for (int i = first; i < last; ++i) own += read(i);
-  int before = sum_up_to_lane(own);
-  __syncthreads();  // somebody may still read the sums of the scan before
-  if (lane == warp_size - 1) of_warp[warp] = before;
-  __syncthreads();
-  before -= own;
-  int all = 0;
-  for (int i = 0; i < warps; ++i) {
-    if (i == warp) before += all;
-    all += of_warp[i];
-  }
+  int before, all;
+  scan_block<Threads>(own, before, all);
   for (int i = first; i < last; ++i) {
     write(i, before);
     before += read(i);

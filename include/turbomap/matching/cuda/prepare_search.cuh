@@ -9,7 +9,7 @@
 #include <cstdint>
 
 #include "../../config.hpp"
-#include "../../cuda/warp.cuh"
+#include "../../cuda/block_scan.cuh"
 #include "../../parallel.hpp"
 #include "../prepare_search.hpp"
 #include "tuning.hpp"
@@ -21,24 +21,18 @@ namespace detail {
 /// Lists the candidates of neighbour n by one block, in the order of keypoints.
 template <class Descriptor, class Camera>
 __device__ inline void list_candidates_of_block(const search_view<Descriptor, Camera>& search, int n) {
-  constexpr int warps = prepare_search_tuning::threads / warp_size;
-  __shared__ int of_warp[warps];
-  const int thread = static_cast<int>(threadIdx.x), lane = thread % warp_size, warp = thread / warp_size;
+  constexpr int threads = prepare_search_tuning::threads;
+  const int thread = static_cast<int>(threadIdx.x);
   const std::uint8_t* mapped = search.has_point + search.has_point_offset[n];
   const int keypoints = search.neighbour(n).keypoint_count;
   int end = search.candidate_begin[n];
-  for (int first = 0; first < keypoints; first += prepare_search_tuning::threads) {
+  for (int first = 0; first < keypoints; first += threads) {
     const int keypoint = first + thread;
     const bool free = keypoint < keypoints && mapped[keypoint] == 0;
-    const unsigned which = __ballot_sync(whole_warp, free);
-    if (lane == 0) of_warp[warp] = __popc(which);
-    __syncthreads();
-    int before = 0, all = 0;
-#pragma unroll
-    for (int w = 0; w < warps; ++w) before += w < warp ? of_warp[w] : 0, all += of_warp[w];
-    if (free) search.candidates[end + before + __popc(which & ((1U << lane) - 1))] = keypoint;
+    int before, all;
+    count_block<threads>(free, before, all);
+    if (free) search.candidates[end + before] = keypoint;
     end += all;
-    __syncthreads();
   }
   if (thread == 0) search.candidate_end[n] = end;
 }
