@@ -114,14 +114,18 @@ struct eliminate_landmarks {
   }
   /// The same with the coupling's columns in `w`.
   TURBOMAP_HD void take_through(int slot, const P (&w)[3], const factor& f) const {
-    const P(&inverse)[6] = f.inverse;
+    P z[3];
+    multiply(w, f, z);
     // What a column's store leaves beyond it, the next column overwrites; the last one must not reach the next slot.
-    A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
-    const P z0 = w[0] * inverse[0], z1 = multiply_add(w[0], inverse[1], w[1] * inverse[2]);
-    const P z2 = multiply_add(w[0], inverse[3], multiply_add(w[1], inverse[4], w[2] * inverse[5]));
-    z0.store(z);
-    z1.store(z + V);
-    store_column(z + 2 * V, z2);
+    A* const to = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
+    z[0].store(to);
+    z[1].store(to + V);
+    store_column(to + 2 * V, z[2]);
+  }
+  /// The columns of a coupling by the factor of its landmark.
+  TURBOMAP_HD static void multiply(const P (&w)[3], const factor& f, P (&z)[3]) {
+    z[0] = w[0] * f.inverse[0], z[1] = multiply_add(w[0], f.inverse[1], w[1] * f.inverse[2]);
+    z[2] = multiply_add(w[0], f.inverse[3], multiply_add(w[1], f.inverse[4], w[2] * f.inverse[5]));
   }
 
  private:

@@ -53,23 +53,14 @@ void launch_clusters(const thrust::cuda_cub::execution_policy<Derived>& policy, 
                      void (*kernel)(Parameters...), int clusters, int size, int threads,
                      typename detail::same_type<Parameters>::type... arguments) {
 #if CUDART_VERSION >= 11080
-  cudaFuncAttributes compiled{};
-  check_cuda(cudaFuncGetAttributes(&compiled, reinterpret_cast<const void*>(kernel)), what);
-  if (clusters > 0 && compiled.ptxVersion >= 90) {  // that of __CUDA_ARCH__
-    cudaLaunchAttribute shape{};
-    shape.id = cudaLaunchAttributeClusterDimension;
-    shape.val.clusterDim.x = static_cast<unsigned>(size);
-    shape.val.clusterDim.y = shape.val.clusterDim.z = 1;
-    cudaLaunchConfig_t config{};
-    config.gridDim = dim3(static_cast<unsigned>(clusters) * static_cast<unsigned>(size));
-    config.blockDim = dim3(static_cast<unsigned>(threads));
-    config.stream = stream_of(policy);
-    config.attrs = &shape;
-    config.numAttrs = 1;
-    void* pointers[] = {static_cast<void*>(&arguments)...};
-    check_cuda(cudaLaunchKernelExC(&config, reinterpret_cast<const void*>(kernel), pointers), what);
+  if (clusters <= 0) return;
+  cudaLaunchAttribute shape{};
+  shape.id = cudaLaunchAttributeClusterDimension;
+  shape.val.clusterDim.x = static_cast<unsigned>(size);
+  shape.val.clusterDim.y = shape.val.clusterDim.z = 1;
+  void* pointers[] = {static_cast<void*>(&arguments)...};
+  if (detail::launch_with_attribute(stream_of(policy), what, 0, kernel, clusters * size, threads, shape, pointers))
     return;
-  }
 #endif
   launch_kernel(policy, what, kernel, clusters, threads, arguments...);
 }

@@ -28,6 +28,32 @@ struct same_type {
 
 }  // namespace detail
 
+#if CUDART_VERSION >= 11080
+namespace detail {
+
+/// Launches with an attribute of devices of compute capability 9.0 and later. False: the kernel was compiled for others, and
+/// nothing was launched.
+template <class... Parameters>
+bool launch_with_attribute(cudaStream_t stream, const char* what, std::size_t shared, void (*kernel)(Parameters...),
+                           int blocks, int threads, const cudaLaunchAttribute& given, void** arguments) {
+  cudaFuncAttributes compiled{};
+  check_cuda(cudaFuncGetAttributes(&compiled, reinterpret_cast<const void*>(kernel)), what);
+  if (compiled.ptxVersion < 90) return false;  // that of __CUDA_ARCH__
+  cudaLaunchAttribute attribute = given;
+  cudaLaunchConfig_t config{};
+  config.gridDim = dim3(static_cast<unsigned>(blocks));
+  config.blockDim = dim3(static_cast<unsigned>(threads));
+  config.dynamicSmemBytes = shared;
+  config.stream = stream;
+  config.attrs = &attribute;
+  config.numAttrs = 1;
+  check_cuda(cudaLaunchKernelExC(&config, reinterpret_cast<const void*>(kernel), arguments), what);
+  return true;
+}
+
+}  // namespace detail
+#endif
+
 /// Launches a kernel in the stream of a policy: `blocks` blocks of `threads` threads; none where `blocks` is 0.
 /// \param what    for the message of an error
 /// \param shared  bytes of dynamic shared memory
@@ -48,6 +74,32 @@ void launch_kernel(const thrust::cuda_cub::execution_policy<Derived>& policy, co
                    void (*kernel)(Parameters...), int blocks, int threads,
                    typename detail::same_type<Parameters>::type... arguments) {
   launch_kernel_with(policy, what, 0, kernel, blocks, threads, arguments...);
+}
+
+/// The first thing that a kernel for launch_early() does: waits until the kernels before it in the stream are done, and what they
+/// wrote is seen. The next one may be brought to the device meanwhile.
+__device__ inline void begin_early() {
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+  asm volatile("griddepcontrol.launch_dependents;");
+  asm volatile("griddepcontrol.wait;" ::: "memory");
+#endif
+}
+
+/// As launch_kernel_with(), of a kernel that calls begin_early(). Where the device can (compute capability 9.0), it is brought
+/// there while the one before it in the stream still runs: between short kernels that takes as long as one of them.
+template <class Derived, class... Parameters>
+void launch_early(const thrust::cuda_cub::execution_policy<Derived>& policy, const char* what, std::size_t shared,
+                  void (*kernel)(Parameters...), int blocks, int threads,
+                  typename detail::same_type<Parameters>::type... arguments) {
+  if (blocks <= 0) return;
+#if CUDART_VERSION >= 11080
+  void* pointers[] = {static_cast<void*>(&arguments)...};
+  cudaLaunchAttribute early{};
+  early.id = cudaLaunchAttributeProgrammaticStreamSerialization;
+  early.val.programmaticStreamSerializationAllowed = 1;
+  if (detail::launch_with_attribute(stream_of(policy), what, shared, kernel, blocks, threads, early, pointers)) return;
+#endif
+  launch_kernel_with(policy, what, shared, kernel, blocks, threads, arguments...);
 }
 
 /// f(i) for i in [0, n), a thread each, in any order; f is called on the device. Returns when the launch is enqueued; throws

@@ -14,32 +14,50 @@
 #include "../../parallel.hpp"
 #include "../eliminate_landmarks.hpp"
 #include "../frame_sums.hpp"
+#include "load_numbers.cuh"
 #include "tuning.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
 /// The sum of the rows of landmark l, in all lanes of its group. \param l  may be beyond the last: no rows
+/// \param own  the first row that the lane has
 template <int Lanes, class A>
-__device__ inline void sum_rows_of_group(const schur_view<A>& s, int l, int lane, double (&total)[9]) {
-  for (int i = 0; i < 9; ++i) total[i] = 0;
-  if (l < s.landmarks)
-    for (int r = s.landmark_row[l] + lane; r < s.landmark_row[l + 1]; r += Lanes) {
+__device__ inline void sum_rows_of_group(const schur_view<A>& s, int l, int lane, double (&total)[9], A (&own)[9]) {
+  for (int i = 0; i < 9; ++i) total[i] = 0, own[i] = 0;
+  if (l < s.landmarks) {
+    const int begin = s.landmark_row[l] + lane, end = s.landmark_row[l + 1];
+    for (int r = begin; r < end; r += Lanes) {
       const A* row = s.sums.row + static_cast<std::ptrdiff_t>(r) * 9;
-      for (int i = 0; i < 9; ++i) total[i] += static_cast<double>(row[i]);
+      for (int i = 0; i < 9; ++i) {
+        const A x = row[i];
+        if (r == begin) own[i] = x;
+        total[i] += static_cast<double>(x);
+      }
     }
+  }
   for (int i = 0; i < 9; ++i) total[i] = sum_lanes<Lanes>(total[i]);
 }
 
 /// The coupling of a slot of landmark l, made of its rows: a reprojection depends on both through the point X = R p + t, so
 /// with the block H of the landmark it is ([X]x R; R) H, as row_couplings.hpp explains.
+/// \param own,own_row  a row that the lane has, and which one: mostly that of the slot
 template <int V, class A>
-__device__ inline void couple_slot(const schur_view<A>& s, int l, int slot, pack<A, column_lanes<V>> (&w)[3]) {
-  const int free = s.slot_frame[slot], first = s.slot_coupling[slot];
+__device__ inline void couple_slot(const schur_view<A>& s, int l, int slot, const A (&own)[9], int own_row,
+                                   pack<A, column_lanes<V>> (&w)[3]) {
+  const int free = s.slot_frame[slot], first = s.slot_coupling[slot], count = s.slot_coupling[slot + 1] - first;
   const int row = s.landmark_row[l] + first - s.slot_coupling[s.landmark_slot[l]];  // free frames come first
   A h[6] = {};
-  for (int k = row; k < row + s.slot_coupling[slot + 1] - first; ++k)
-    for (int i = 0; i < 6; ++i) h[i] += s.sums.row[static_cast<std::ptrdiff_t>(k) * landmark_block<V>::row + i];
-  const isometry<double>& T = s.poses[s.frame_of_free[free]];
+  if (count == 1 && row == own_row)
+    for (int i = 0; i < 6; ++i) h[i] = own[i];
+  else
+    for (int k = row; k < row + count; ++k)
+      for (int i = 0; i < 6; ++i) h[i] += s.sums.row[static_cast<std::ptrdiff_t>(k) * landmark_block<V>::row + i];
+  double pose[12];
+  static_assert(sizeof pose == sizeof(isometry<double>));
+  detail::load_numbers(reinterpret_cast<const double*>(s.poses + s.frame_of_free[free]), pose);
+  isometry<double> T;
+  for (int i = 0; i < 9; ++i) T.R.m[i] = pose[i];
+  T.t = {pose[9], pose[10], pose[11]};
   const double* p = s.positions + static_cast<std::ptrdiff_t>(l) * landmark_stride;
   const vec3<double> body = T * vec3<double>{p[0], p[1], p[2]};
   const A X[3] = {static_cast<A>(body.x), static_cast<A>(body.y), static_cast<A>(body.z)};
@@ -68,7 +86,8 @@ __device__ inline void eliminate_by_group(const eliminate_landmarks<A, V>& work,
   const schur_view<A>& s = work.s;
   const int lane = thread % lanes, l = thread / lanes;
   double h[9];
-  sum_rows_of_group<lanes>(s, l, lane, h);
+  A own[9];
+  sum_rows_of_group<lanes>(s, l, lane, h, own);
   if (l >= s.landmarks) return;
   const eliminated_landmark e = work.eliminate(l, h);
   if (lane == 0) s.landmark[l] = e;
@@ -77,14 +96,19 @@ __device__ inline void eliminate_by_group(const eliminate_landmarks<A, V>& work,
     if (s.sums.coupling != nullptr) {
       work.take_through(slot, inverse);
     } else if constexpr (V >= 6) {
-      typename eliminate_landmarks<A, V>::P w[3];
-      couple_slot<V>(s, l, slot, w);
-      work.take_through(slot, w, inverse);
+      typename eliminate_landmarks<A, V>::P w[3], z[3];
+      couple_slot<V>(s, l, slot, own, s.landmark_row[l] + lane, w);
+      work.multiply(w, inverse, z);
+      A columns[3 * V];
+#pragma unroll
+      for (int i = 0; i < 3 * V; ++i) columns[i] = z[i / V].v[i % V];
+      detail::store_numbers(columns, s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V);
     }
 }
 
 template <class A, int V>
 __global__ void __launch_bounds__(landmark_tuning::threads) eliminate_landmarks_kernel(eliminate_landmarks<A, V> work) {
+  begin_early();
   if (work.s.lambda != nullptr) work.damping.lambda = *work.s.lambda;
   if (isnan(work.damping.lambda)) return;
   eliminate_by_group(work, static_cast<int>(blockIdx.x) * landmark_tuning::threads + static_cast<int>(threadIdx.x));
@@ -94,6 +118,7 @@ __global__ void __launch_bounds__(landmark_tuning::threads) eliminate_landmarks_
 template <class A, int V, int D>
 __global__ void __launch_bounds__(warp_size* sum_frames_tuning::warps)
     sum_and_eliminate_kernel(eliminate_landmarks<A, V> work) {
+  begin_early();
   const int block = static_cast<int>(blockIdx.x) - work.s.free_frames;
   if (block < 0) return sum_frame<A, V, D>(work.s, static_cast<int>(blockIdx.x));
   if (work.s.lambda != nullptr) work.damping.lambda = *work.s.lambda;
@@ -105,9 +130,9 @@ template <int V, class Derived, class A>
 void launch_eliminate_landmarks(const thrust::cuda_cub::execution_policy<Derived>& policy, const schur_view<A>& s,
                                 const damping& damping) {
   constexpr int landmarks = landmark_tuning::landmarks;
-  launch_kernel(policy, "launch of eliminate_landmarks", eliminate_landmarks_kernel<A, V>,
-                (s.landmarks + landmarks - 1) / landmarks, landmark_tuning::threads,
-                eliminate_landmarks<A, V>{s, damping});
+  launch_early(policy, "launch of eliminate_landmarks", 0, eliminate_landmarks_kernel<A, V>,
+               (s.landmarks + landmarks - 1) / landmarks, landmark_tuning::threads,
+               eliminate_landmarks<A, V>{s, damping});
 }
 
 template <int V, int D, class Derived, class A>
@@ -118,9 +143,9 @@ void launch_sum_and_eliminate(const thrust::cuda_cub::execution_policy<Derived>&
     launch_sum_frames<V, D>(policy, s);
     launch_eliminate_landmarks<V>(policy, s, damping);
   } else {
-    launch_kernel(policy, "launch of sum_and_eliminate", sum_and_eliminate_kernel<A, V, D>,
-                  s.free_frames + (s.landmarks + landmarks - 1) / landmarks, threads,
-                  eliminate_landmarks<A, V>{s, damping});
+    launch_early(policy, "launch of sum_and_eliminate", 0, sum_and_eliminate_kernel<A, V, D>,
+                 s.free_frames + (s.landmarks + landmarks - 1) / landmarks, threads,
+                 eliminate_landmarks<A, V>{s, damping});
   }
 }
 

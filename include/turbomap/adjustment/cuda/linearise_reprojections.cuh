@@ -19,6 +19,7 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Camera, class Kernel, class G, class A, int V>
 __global__ void __launch_bounds__(linearise_tuning::threads)
     linearise_reprojections_kernel(linearise_reprojections<Camera, Kernel, G, A, 1, V> work) {
+  begin_early();
   using P = typename linearise_reprojections<Camera, Kernel, G, A, 1, V>::P;
   using block = landmark_block<V>;
   constexpr int lanes = linearise_tuning::lanes, triangle = 21, size = triangle + 6;
@@ -65,9 +66,9 @@ void launch_linearise_reprojections(const thrust::cuda_cub::execution_policy<Der
                                     const reprojection_view<Camera, Kernel>& group, const isometry<double>* T_bw,
                                     const double* landmarks, const factor_sums<A>& sums, const cost_sums& costs) {
   constexpr int chunks = linearise_tuning::threads / linearise_tuning::lanes;
-  launch_kernel(policy, "launch of linearise_reprojections", linearise_reprojections_kernel<Camera, Kernel, G, A, V>,
-                (group.chunk_count + chunks - 1) / chunks, linearise_tuning::threads,
-                linearise_reprojections<Camera, Kernel, G, A, 1, V>{group, T_bw, landmarks, sums, costs});
+  launch_early(policy, "launch of linearise_reprojections", 0, linearise_reprojections_kernel<Camera, Kernel, G, A, V>,
+               (group.chunk_count + chunks - 1) / chunks, linearise_tuning::threads,
+               linearise_reprojections<Camera, Kernel, G, A, 1, V>{group, T_bw, landmarks, sums, costs});
 }
 
 TURBOMAP_END_NAMESPACE

@@ -8,34 +8,17 @@
 /// then over the warps.
 
 #include <cstddef>
-#include <type_traits>
 
 #include "../../config.hpp"
 #include "../../cuda/warp.cuh"
 #include "../../parallel.hpp"
 #include "../reduced_system.hpp"
+#include "load_numbers.cuh"
 #include "tuning.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
-
-/// N numbers that follow each other, two at a time where they are aligned: columns of slots are, where N is even.
-template <int N, class A>
-__device__ inline void load_numbers(const A* from, A (&to)[N]) {
-  if constexpr (N % 2 == 0) {
-    using pair = std::conditional_t<sizeof(A) == 4, float2, double2>;
-    const pair* pairs = reinterpret_cast<const pair*>(from);
-#pragma unroll
-    for (int i = 0; i < N / 2; ++i) {
-      const pair p = pairs[i];
-      to[2 * i] = p.x, to[2 * i + 1] = p.y;
-    }
-  } else {
-#pragma unroll
-    for (int i = 0; i < N; ++i) to[i] = from[i];
-  }
-}
 
 /// Adds up what the warps of a block have left: number i of all of them.
 template <int N>
@@ -134,6 +117,7 @@ __device__ inline void reduce_other_block(const schur_view<A>& s, const reduced_
 template <class A, int V, int D>
 __global__ void __launch_bounds__(warp_size* reduce_blocks_tuning::warps)
     reduce_blocks_kernel(schur_view<A> s, reduced_layout out, damping damping) {
+  begin_early();
   if (s.lambda != nullptr) damping.lambda = *s.lambda;
   if (isnan(damping.lambda)) return;
   const int task = static_cast<int>(blockIdx.x);  // diagonal blocks have the longest lists: they start first
@@ -149,8 +133,8 @@ void launch_reduce_blocks(const thrust::cuda_cub::execution_policy<Derived>& pol
   if constexpr (V > reduce_blocks_tuning::most_unknowns)
     launch_reduce_blocks<V, D>(static_cast<const thrust::execution_policy<Derived>&>(policy), s, out, damping);
   else
-    launch_kernel(policy, "launch of reduce_blocks", reduce_blocks_kernel<A, V, D>, s.free_frames + s.blocks,
-                  warp_size * reduce_blocks_tuning::warps, s, out, damping);
+    launch_early(policy, "launch of reduce_blocks", 0, reduce_blocks_kernel<A, V, D>, s.free_frames + s.blocks,
+                 warp_size * reduce_blocks_tuning::warps, s, out, damping);
 }
 
 TURBOMAP_END_NAMESPACE

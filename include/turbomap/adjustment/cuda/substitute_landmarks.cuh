@@ -14,6 +14,7 @@
 #include "../../parallel.hpp"
 #include "../substitute_landmarks.hpp"
 #include "eliminate_landmarks.cuh"
+#include "load_numbers.cuh"
 #include "tuning.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -30,8 +31,15 @@ __device__ inline void substitute_block(const substitute_landmarks<A, V, D>& wor
   double y[3] = {};
   if (l < s.landmarks)
     for (int slot = s.landmark_slot[l] + lane; slot < s.landmark_slot[l + 1]; slot += lanes) {
-      const A* z = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
-      const double* x = work.step + static_cast<std::ptrdiff_t>(s.slot_frame[slot]) * D;
+      A z[3 * V];
+      detail::load_numbers(s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V, z);
+      const double* const step = work.step + static_cast<std::ptrdiff_t>(s.slot_frame[slot]) * D;
+      double x[V];
+      if constexpr (D % 2 == 0) {
+        detail::load_numbers(step, x);
+      } else {
+        for (int v = 0; v < V; ++v) x[v] = step[v];
+      }
       for (int m = 0; m < 3; ++m)
         for (int v = 0; v < V; ++v) y[m] -= static_cast<double>(z[m * V + v]) * x[v];
     }
@@ -39,7 +47,8 @@ __device__ inline void substitute_block(const substitute_landmarks<A, V, D>& wor
   double held[3] = {work.damping.lambda, work.damping.lambda, work.damping.lambda};
   if (work.damping.scaled) {
     double h[9];
-    sum_rows_of_group<lanes>(s, l, lane, h);
+    A own[9];
+    sum_rows_of_group<lanes>(s, l, lane, h, own);
     held[0] = work.damping(h[0]), held[1] = work.damping(h[2]), held[2] = work.damping(h[5]);
   }
   if (lane == 0) {
@@ -60,6 +69,7 @@ __device__ inline void substitute_block(const substitute_landmarks<A, V, D>& wor
 template <class A, int V, int D>
 __global__ void __launch_bounds__(landmark_tuning::threads)
     substitute_landmarks_kernel(substitute_landmarks<A, V, D> work) {
+  begin_early();
   substitute_block(work);
 }
 
@@ -68,6 +78,7 @@ template <class A, int V, int D, class Frame>
 __global__ void __launch_bounds__(landmark_tuning::threads)
     take_step_kernel(substitute_landmarks<A, V, D> work, int landmark_blocks, retract_frames<Frame> retract,
                      int frames) {
+  begin_early();
   const int block = static_cast<int>(blockIdx.x) - landmark_blocks;
   if (block < 0) return substitute_block(work);
   const int f = block * landmark_tuning::threads + static_cast<int>(threadIdx.x);
@@ -78,9 +89,9 @@ template <int V, int D, class Derived, class A>
 void launch_substitute_landmarks(const thrust::cuda_cub::execution_policy<Derived>& policy, const schur_view<A>& s,
                                  const double* step, const damping& damping, const double* from, double* to,
                                  double* predicted) {
-  launch_kernel(policy, "launch of substitute_landmarks", substitute_landmarks_kernel<A, V, D>,
-                landmark_gain_count(s.landmarks), landmark_tuning::threads,
-                substitute_landmarks<A, V, D>{s, step, damping, from, to, predicted});
+  launch_early(policy, "launch of substitute_landmarks", 0, substitute_landmarks_kernel<A, V, D>,
+               landmark_gain_count(s.landmarks), landmark_tuning::threads,
+               substitute_landmarks<A, V, D>{s, step, damping, from, to, predicted});
 }
 
 template <int V, int D, class Frame, class Derived, class A>
@@ -89,10 +100,10 @@ void launch_take_step(const thrust::cuda_cub::execution_policy<Derived>& policy,
                       const estimate_view<Frame>& to, double* predicted) {
   constexpr int threads = landmark_tuning::threads;
   const int blocks = landmark_gain_count(s.landmarks);
-  launch_kernel(policy, "launch of take_step", take_step_kernel<A, V, D, Frame>,
-                blocks + (frames + threads - 1) / threads, threads,
-                substitute_landmarks<A, V, D>{s, step, damping, from.landmarks, to.landmarks, predicted}, blocks,
-                retract_frames<Frame>{s.free_of_frame, step, from.states, {to.states, to.poses}, to.states}, frames);
+  launch_early(policy, "launch of take_step", 0, take_step_kernel<A, V, D, Frame>,
+               blocks + (frames + threads - 1) / threads, threads,
+               substitute_landmarks<A, V, D>{s, step, damping, from.landmarks, to.landmarks, predicted}, blocks,
+               retract_frames<Frame>{s.free_of_frame, step, from.states, {to.states, to.poses}, to.states}, frames);
 }
 
 TURBOMAP_END_NAMESPACE

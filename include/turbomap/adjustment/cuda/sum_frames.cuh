@@ -29,15 +29,21 @@ __device__ inline void sum_frame(const schur_view<A>& s, int f) {
   const int warp = static_cast<int>(threadIdx.x) / 32;
 
   double total[per_lane] = {};
-#pragma unroll 4
-  for (int k = s.frame_partial[f] + warp; k < s.frame_partial[f + 1]; k += warps) {
-    const double* p = s.sums.chunk_partial + static_cast<std::ptrdiff_t>(s.partial_list[k]) * chunk::partial;
-    for (int m = 0; m < per_lane; ++m) {  // the V unknowns that landmarks depend on are the first of D
-      const int i = lane + 32 * m;
-      if (i < chunk::triangle)
-        total[m] += p[i];
-      else if (i >= whole::triangle && i < whole::triangle + V)
-        total[m] += p[chunk::triangle + i - whole::triangle];
+  const int end = s.frame_partial[f + 1];
+  for (int first = s.frame_partial[f] + warp; first < end; first += warps * warp_size) {
+    const int own = first + warps * lane < end ? s.partial_list[first + warps * lane] : 0;
+    const int count = (end - first + warps - 1) / warps;
+#pragma unroll 8
+    for (int k = 0; k < (count < warp_size ? count : warp_size); ++k) {
+      const double* p =
+          s.sums.chunk_partial + static_cast<std::ptrdiff_t>(__shfl_sync(whole_warp, own, k)) * chunk::partial;
+      for (int m = 0; m < per_lane; ++m) {  // the V unknowns that landmarks depend on are the first of D
+        const int i = lane + 32 * m;
+        if (i < chunk::triangle)
+          total[m] += p[i];
+        else if (i >= whole::triangle && i < whole::triangle + V)
+          total[m] += p[chunk::triangle + i - whole::triangle];
+      }
     }
   }
   for (int k = s.frame_factor[f] + warp; k < s.frame_factor[f + 1]; k += warps) {
@@ -61,6 +67,7 @@ __device__ inline void sum_frame(const schur_view<A>& s, int f) {
 
 template <class A, int V, int D>
 __global__ void __launch_bounds__(warp_size* sum_frames_tuning::warps) sum_frames_kernel(schur_view<A> s) {
+  begin_early();
   sum_frame<A, V, D>(s, static_cast<int>(blockIdx.x));
 }
 
@@ -69,8 +76,8 @@ void launch_sum_frames(const thrust::cuda_cub::execution_policy<Derived>& policy
   if constexpr (sizeof(double) * sum_frames_tuning::warps * frame_block<D>::partial > shared_memory_bytes)
     launch_sum_frames<V, D>(static_cast<const thrust::execution_policy<Derived>&>(policy), s);
   else
-    launch_kernel(policy, "launch of sum_frames", sum_frames_kernel<A, V, D>, s.free_frames,
-                  warp_size * sum_frames_tuning::warps, s);
+    launch_early(policy, "launch of sum_frames", 0, sum_frames_kernel<A, V, D>, s.free_frames,
+                 warp_size * sum_frames_tuning::warps, s);
 }
 
 TURBOMAP_END_NAMESPACE

@@ -16,6 +16,7 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Camera, class Kernel, class G>
 __global__ void __launch_bounds__(linearise_tuning::threads)
     sum_reprojection_cost_kernel(cost_of_reprojections<Camera, Kernel, G, 1> work) {
+  begin_early();
   constexpr int lanes = linearise_tuning::lanes;
   const int thread = static_cast<int>(blockIdx.x) * linearise_tuning::threads + static_cast<int>(threadIdx.x);
   const int chunk = thread / lanes, lane = thread % lanes;
@@ -30,9 +31,9 @@ void launch_sum_reprojection_cost(const thrust::cuda_cub::execution_policy<Deriv
                                   const reprojection_view<Camera, Kernel>& group, const isometry<double>* T_bw,
                                   const double* landmarks, const cost_sums& sums) {
   constexpr int chunks = linearise_tuning::threads / linearise_tuning::lanes;
-  launch_kernel(policy, "launch of sum_reprojection_cost", sum_reprojection_cost_kernel<Camera, Kernel, G>,
-                (group.chunk_count + chunks - 1) / chunks, linearise_tuning::threads,
-                cost_of_reprojections<Camera, Kernel, G, 1>{group, T_bw, landmarks, sums});
+  launch_early(policy, "launch of sum_reprojection_cost", 0, sum_reprojection_cost_kernel<Camera, Kernel, G>,
+               (group.chunk_count + chunks - 1) / chunks, linearise_tuning::threads,
+               cost_of_reprojections<Camera, Kernel, G, 1>{group, T_bw, landmarks, sums});
 }
 
 TURBOMAP_END_NAMESPACE

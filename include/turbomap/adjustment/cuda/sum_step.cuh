@@ -41,6 +41,7 @@ bool can_hand_over(const awaited<Report>* to) {
 
 template <int D>
 __global__ void __launch_bounds__(sum_step_tuning::threads) sum_step_kernel(step_parts s, awaited<step_report>* to) {
+  begin_early();
   constexpr int threads = sum_step_tuning::threads, warps = threads / warp_size, size = 3;
   constexpr std::size_t triangle = frame_block<D>::triangle;
   __shared__ double of_warp[warps][size];
@@ -99,7 +100,7 @@ template <int D, class Derived>
 void launch_sum_step(const thrust::cuda_cub::execution_policy<Derived>& policy, const step_parts& parts,
                      awaited<step_report>* to) {
   to->ready = 0;
-  launch_kernel(policy, "launch of sum_step", sum_step_kernel<D>, 1, sum_step_tuning::threads, parts, to);
+  launch_early(policy, "launch of sum_step", 0, sum_step_kernel<D>, 1, sum_step_tuning::threads, parts, to);
 }
 
 template <int D, class Derived>
