@@ -251,4 +251,45 @@ TEST_CASE("chi2 and depth are those of the host, row by row; the solvers that ne
   }
 }
 
+TEST_CASE("measurements that are on the device already are read there; results come together") {
+  const stream on;
+  turbomap::context<stream_policy> ctx{on.policy()};
+  const adjustment_scene s = make_adjustment_scene(scene_kind::stereo, 9, 2, 120, 6);
+  turbomap::array<turbomap::vec3<double>, turbomap::device_memory> pixel(ctx.resource());
+  turbomap::array<double, turbomap::device_memory> information(ctx.resource());
+  pixel.resize_discard(s.pixel.size()), information.resize_discard(s.information.size());
+  turbomap::copy_in(ctx.policy(), pixel.data(), s.pixel.data(), s.pixel.size() * sizeof(s.pixel[0]));
+  turbomap::copy_in(ctx.policy(), information.data(), s.information.data(), s.information.size() * sizeof(double));
+  ctx.synchronize();
+  struct outcome {
+    adjusted a;
+    std::vector<double> chi2, depth;
+  };
+  const auto run = [&](const auto& group, bool together) {
+    outcome o;
+    turbomap::bundle_problem<stream_policy, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
+    problem.assign(ctx, s.frame_input(), s.landmark_input(), group);
+    o.a.summary = turbomap::adjust<float64_methods>(ctx, problem, in_float64());
+    if (together) {
+      problem.template results<0>(ctx, o.a.poses, o.a.points, o.chi2, o.depth);
+    } else {
+      problem.frames(ctx, o.a.poses), problem.landmarks(ctx, o.a.points);
+      problem.template chi2<0>(ctx, o.chi2, o.depth);
+    }
+    return o;
+  };
+  const outcome expected = run(s.group(), false);
+  adjustment_scene elsewhere = s;  // stereo rows are told from these; else they are not looked at
+  for (auto& z : elsewhere.pixel) z.x += 7, z.y -= 3;
+  auto group = elsewhere.group();
+  group.resident_pixel = pixel.data(), group.resident_information = information.data();
+  const outcome found = run(group, true);
+  REQUIRE(expected.a.summary.accepted > 0);
+  CHECK(same_bits(found.a.summary, expected.a.summary));
+  CHECK(same_bits(found.a.points, expected.a.points));
+  CHECK(distance(found.a.poses, expected.a.poses) == 0);
+  CHECK(found.chi2 == expected.chi2);
+  CHECK(found.depth == expected.depth);
+}
+
 }  // namespace

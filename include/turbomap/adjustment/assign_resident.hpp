@@ -111,8 +111,9 @@ bool assign_resident(context<Policy>& ctx, Data& data, structure_builder& builde
   const auto cameras = inputs.place<camera>(static_cast<std::size_t>(group.rig.count));
   const auto states = inputs.place<state>(n);
   const auto positions = inputs.place<vec3<double>>(m);
-  const auto information = inputs.place<double>(rows);
-  const auto pixel = inputs.place<vec3<double>>(rows);
+  const bool measured_there = group.resident_pixel != nullptr && group.resident_information != nullptr;
+  const auto information = inputs.place<double>(measured_there ? 0 : rows);
+  const auto pixel = inputs.place<vec3<double>>(measured_there ? 0 : rows);
   detail::block_sender<Policy> block(ctx, data.inputs, inputs.bytes());
   observation_lists lists{};
   place_observations measurements{};
@@ -148,11 +149,13 @@ bool assign_resident(context<Policy>& ctx, Data& data, structure_builder& builde
                                        s.landmarks,
                                        data.estimate.current(),
                                        report};
-  measurements.information = block.put(information, group.information.data());
+  const double* const sent = block.put(information, group.information.data());
   block.send();
   launch_place_estimate(policy, estimate);
-  measurements.pixel = block.put(pixel, group.pixel.data()), measurements.report = report;
+  const vec3<double>* const sent_pixel = block.put(pixel, group.pixel.data());
   block.send();
+  measurements.information = measured_there ? group.resident_information : sent;
+  measurements.pixel = measured_there ? group.resident_pixel : sent_pixel, measurements.report = report;
   launch_place_observations(policy, input.most_chunks() * observation_padding, measurements);
   observation_report& told = *data.workspace.observations.data();
   copy_out(policy, &told, report, sizeof told);

@@ -60,6 +60,12 @@ struct reprojections {
   /// A row nearer to its camera (a pinhole: to its focal plane) than this part of the median distance of rows is undefined:
   /// its derivatives, f / distance, would drown those of all others. Ours: 5 mm in a scene of 5 m.
   double nearest = 1e-3;
+  /// @{
+  /// pixel and information once more, where a device policy computes, if they are there already: both or none. They are not
+  /// sent then, and must stay until assign() returns. Host policies do not look at them.
+  const vec3<double>* resident_pixel = nullptr;
+  const double* resident_information = nullptr;
+  /// @}
 };
 
 /// [ORB-SLAM3]'s kernels on reprojections: Huber, 95 % of chi-square with two and three degrees of freedom.

@@ -48,7 +48,10 @@ class basic_bundle_problem {
   /// \param ctx  whose memory resource it uses; give the same context to every call
   template <class Policy>
   explicit basic_bundle_problem(context<Policy>& ctx)
-      : data_(ctx.resource(), ctx.staging_resource()), transfer_(ctx.staging_resource()) {}
+      : data_(ctx.resource(), ctx.staging_resource()),
+        transfer_(ctx.staging_resource()),
+        state_transfer_(ctx.staging_resource()),
+        row_transfer_(ctx.staging_resource()) {}
 
   /// Takes a problem, in place of the one before. Indices of frames and landmarks are places in the two inputs; nothing of
   /// the inputs is kept. O(observations), and in adjust() once O(pairs of frames that see one landmark).
@@ -78,14 +81,9 @@ class basic_bundle_problem {
   /// The current estimate of the landmarks.
   template <class Policy, class List>
   void landmarks(context<Policy>& ctx, List& result) const {
-    transfer_.resize_discard(static_cast<std::size_t>(landmark_count()) * landmark_stride);
-    copy_out(ctx.policy(), transfer_.data(), data_.estimate.landmarks(), transfer_.size() * sizeof(double));
+    const double* const p = ctx.on_host(data_.estimate.landmarks(), numbers_of_landmarks(), transfer_);
     ctx.synchronize();
-    result.resize(static_cast<std::size_t>(landmark_count()));
-    for (std::size_t l = 0; l < result.size(); ++l) {
-      const double* p = transfer_.data() + l * landmark_stride;
-      result[static_cast<std::size_t>(data_.order.source()[l])] = {p[0], p[1], p[2]};
-    }
+    unpack(p, result);
   }
 
   /// chi2 (not robust) and depth (m, in its own camera) of every observation of a group of factors with landmarks, in the
@@ -93,6 +91,10 @@ class basic_bundle_problem {
   /// is (0 for the user's own factors).
   template <std::size_t Group, class Policy, class List>
   void chi2(context<Policy>& ctx, List& chi2, List& depth);
+
+  /// frames(), landmarks() and chi2() together: waits once.
+  template <std::size_t Group, class Policy, class States, class Positions, class List>
+  void results(context<Policy>& ctx, States& frames, Positions& landmarks, List& chi2, List& depth);
 
   /// The structure that was made of the inputs, e.g. to look at sizes. Where the policy made its lists, they are not here.
   const adjustment_structure& structure() const { return data_.structure; }
@@ -169,6 +171,36 @@ class basic_bundle_problem {
     ctx.synchronize();
   }
 
+  std::size_t numbers_of_landmarks() const { return static_cast<std::size_t>(landmark_count()) * landmark_stride; }
+  /// From landmarks in the order that solvers have to the order of the input.
+  template <class List>
+  void unpack(const double* p, List& result) const {
+    result.resize(static_cast<std::size_t>(landmark_count()));
+    for (std::size_t l = 0; l < result.size(); ++l, p += landmark_stride)
+      result[static_cast<std::size_t>(data_.order.source()[l])] = {p[0], p[1], p[2]};
+  }
+  /// chi2 of every row, then their depths, where the policy computes. Null: there are none.
+  template <std::size_t Group, class Policy>
+  const double* launch_chi2(context<Policy>& ctx) {
+    const auto& group = std::get<Group>(data_.groups);
+    static_assert(std::decay_t<decltype(group)>::with_landmarks);
+    if (data_.observations == 0) return nullptr;
+    const std::size_t n = group.entries().size(), rows = group.size();
+    ctx.begin_call();
+    double* values = ctx.template scratch<double>(2 * n);
+    double* of_rows = ctx.template scratch<double>(2 * rows);
+    fill_bytes(ctx.policy(), values, 0, 2 * n * sizeof(double));
+    group.chi2(ctx.policy(), data_.estimate.current(), values, values + n);
+    launch_return_rows(ctx.policy(), group.entries(), values, n, of_rows, rows);
+    return of_rows;
+  }
+  /// What launch_chi2() made, on the host.
+  template <class List>
+  static void unpack(const double* told, std::size_t rows, List& chi2, List& depth) {
+    chi2.resize(rows), depth.resize(rows);
+    for (std::size_t i = 0; i < rows; ++i) chi2[i] = told[i], depth[i] = told[rows + i];
+  }
+
   /// Of the landmarks from the frames that see them: the median over rows that are spread evenly. 0: there are none.
   double median_distance(const frame_input<Frame>& frames, const landmark_input& landmarks) {
     constexpr std::size_t sample = 256;  // the median of so many is within 10 % of the ranks of the true one
@@ -230,6 +262,8 @@ class basic_bundle_problem {
   structure_inputs inputs_;
   plain_vector<double> distances_;
   mutable array<double, host_memory> transfer_;  ///< what is on its way to the policy or back
+  array<state, host_memory> state_transfer_;
+  array<double, host_memory> row_transfer_;
 };
 
 // Out of the class, so that a file that finds them precompiled does not compile them.
@@ -277,20 +311,30 @@ void basic_bundle_problem<Memory, Frame, Groups...>::assign(context<Policy>& ctx
 template <class Memory, class Frame, class... Groups>
 template <std::size_t Group, class Policy, class List>
 void basic_bundle_problem<Memory, Frame, Groups...>::chi2(context<Policy>& ctx, List& chi2, List& depth) {
-  const auto& group = std::get<Group>(data_.groups);
-  static_assert(std::decay_t<decltype(group)>::with_landmarks);
   chi2.clear(), depth.clear();
-  if (data_.observations == 0) return;
-  const std::size_t n = group.entries().size(), rows = group.size();
-  ctx.begin_call();
-  double* values = ctx.template scratch<double>(2 * n);
-  double* of_rows = ctx.template scratch<double>(2 * rows);
-  fill_bytes(ctx.policy(), values, 0, 2 * n * sizeof(double));
-  group.chi2(ctx.policy(), data_.estimate.current(), values, values + n);
-  launch_return_rows(ctx.policy(), group.entries(), values, n, of_rows, rows);
-  const double* told = on_host(ctx, of_rows, 2 * rows, transfer_);
-  chi2.resize(rows), depth.resize(rows);
-  for (std::size_t i = 0; i < rows; ++i) chi2[i] = told[i], depth[i] = told[rows + i];
+  const double* const of_rows = launch_chi2<Group>(ctx);
+  if (of_rows == nullptr) return;
+  const std::size_t rows = std::get<Group>(data_.groups).size();
+  const double* const told = ctx.on_host(of_rows, 2 * rows, transfer_);
+  ctx.synchronize();
+  unpack(told, rows, chi2, depth);
+}
+
+template <class Memory, class Frame, class... Groups>
+template <std::size_t Group, class Policy, class States, class Positions, class List>
+void basic_bundle_problem<Memory, Frame, Groups...>::results(context<Policy>& ctx, States& frames, Positions& landmarks,
+                                                             List& chi2, List& depth) {
+  const double* const of_rows = launch_chi2<Group>(ctx);
+  const auto n = static_cast<std::size_t>(frame_count());
+  const std::size_t rows = of_rows == nullptr ? 0 : std::get<Group>(data_.groups).size();
+  const state* const x = ctx.on_host(data_.estimate.states(), n, state_transfer_);
+  const double* const p = ctx.on_host(data_.estimate.landmarks(), numbers_of_landmarks(), transfer_);
+  const double* const told = ctx.on_host(of_rows, 2 * rows, row_transfer_);
+  ctx.synchronize();
+  frames.resize(n);
+  for (std::size_t f = 0; f < n; ++f) frames[f] = x[f];
+  unpack(p, landmarks);
+  unpack(told, rows, chi2, depth);
 }
 
 /// A problem that is computed under a policy. Problems of all host policies are one type.
@@ -303,11 +347,14 @@ void basic_bundle_problem<Memory, Frame, Groups...>::chi2(context<Policy>& ctx, 
 template <class Policy, class Frame, class... Groups>
 using bundle_problem = basic_bundle_problem<memory_of_t<Policy>, Frame, Groups...>;
 
-#define TURBOMAP_INSTANTIATE(Camera, Policy)                                                                    \
-  TURBOMAP_INSTANCE void basic_bundle_problem<memory_of_t<Policy>, pose_frame, reprojections<Camera>>::assign(  \
-      context<Policy>&, const frame_input<pose_frame>&, const landmark_input&, const reprojections<Camera>&);   \
-  TURBOMAP_INSTANCE void basic_bundle_problem<memory_of_t<Policy>, pose_frame, reprojections<Camera>>::chi2<0>( \
-      context<Policy>&, plain_vector<double>&, plain_vector<double>&);
+#define TURBOMAP_INSTANTIATE(Camera, Policy)                                                                        \
+  TURBOMAP_INSTANCE void basic_bundle_problem<memory_of_t<Policy>, pose_frame, reprojections<Camera>>::assign(      \
+      context<Policy>&, const frame_input<pose_frame>&, const landmark_input&, const reprojections<Camera>&);       \
+  TURBOMAP_INSTANCE void basic_bundle_problem<memory_of_t<Policy>, pose_frame, reprojections<Camera>>::chi2<0>(     \
+      context<Policy>&, plain_vector<double>&, plain_vector<double>&);                                              \
+  TURBOMAP_INSTANCE void basic_bundle_problem<memory_of_t<Policy>, pose_frame, reprojections<Camera>>::results<0>(  \
+      context<Policy>&, plain_vector<rigid_transform<double>>&, plain_vector<vec3<double>>&, plain_vector<double>&, \
+      plain_vector<double>&);
 TURBOMAP_PRECOMPILED_ADJUSTMENTS(TURBOMAP_INSTANTIATE)
 #undef TURBOMAP_INSTANTIATE
 

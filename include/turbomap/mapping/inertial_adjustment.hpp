@@ -131,11 +131,9 @@ class inertial_adjustment {
     solve.max_iterations = used_.iterations, solve.initial_lambda = used_.initial_lambda;
     summary.solve = adjust<Methods>(s.ctx, problem_, solve);
     if (summary.solve.accepted == 0) return false;
-    problem_.frames(s.ctx, states_);
+    problem_.template results<0>(s.ctx, states_, commit_.positions, commit_.chi2, commit_.depth);
     commit_.T_cw.clear();
     for (const auto& x : states_) commit_.T_cw.push_back(x.T_cw);
-    problem_.landmarks(s.ctx, commit_.positions);
-    problem_.template chi2<0>(s.ctx, commit_.chi2, commit_.depth);
     return true;
   }
 

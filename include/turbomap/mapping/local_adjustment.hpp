@@ -84,9 +84,7 @@ class local_adjustment {
     problem_.assign(s.ctx, {window_.frames().T_cw(), window_.fixed()}, {window_.positions(), {}}, rows);
     summary.solve = adjust<Methods>(s.ctx, problem_, options.solve);
     if (summary.solve.accepted == 0) return false;
-    problem_.frames(s.ctx, commit_.T_cw);
-    problem_.landmarks(s.ctx, commit_.positions);
-    problem_.template chi2<0>(s.ctx, commit_.chi2, commit_.depth);
+    problem_.template results<0>(s.ctx, commit_.T_cw, commit_.positions, commit_.chi2, commit_.depth);
     return true;
   }
 

@@ -26,7 +26,7 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Results of gather(), in host memory.
+/// Results of gather(), valid until the next one: in host memory, and under a device policy pixels and information there too.
 template <class Map, class Policy>
 class window_measurements {
  public:
@@ -37,6 +37,8 @@ class window_measurements {
   /// Empty. \param ctx  its resources give the memory, and must outlive this
   explicit window_measurements(const context<Policy>& ctx)
       : inputs_(ctx.resource()),
+        resident_pixel_(ctx.resource()),
+        resident_information_(ctx.resource()),
         pixel_(ctx.staging_resource()),
         information_(ctx.staging_resource()),
         camera_(ctx.staging_resource()),
@@ -62,6 +64,8 @@ class window_measurements {
     rows.rig = cameras();
     rows.frame = window.frame_of_row(), rows.landmark = window.landmark_of_row();
     rows.pixel = pixel_, rows.information = information_, rows.camera = camera_;
+    if (resident_pixel_.size() == pixel_.size())
+      rows.resident_pixel = resident_pixel_.data(), rows.resident_information = resident_information_.data();
     rows.stereo_correlation = options.stereo_correlation;
     rows.mono_kernel.delta2 = options.mono_chi2, rows.stereo_kernel.delta2 = options.stereo_chi2;
     return rows;
@@ -69,8 +73,6 @@ class window_measurements {
 
   /// Of each row: u, v, u_right, px; negative u_right: none.
   span<const vec3<double>> pixel() const { return pixel_; }
-  /// Of each row: 1 / sigma^2, px^-2.
-  span<const double> information() const { return information_; }
   /// Of each row: index into cameras().
   span<const std::uint8_t> camera_of_row() const { return camera_; }
   /// The cameras of all rigs in the window.
@@ -145,21 +147,24 @@ class window_measurements {
     table.copy(block, sigma2);
     ctx.send(block, inputs.bytes());
 
-    measurement_rows<descriptor, camera> out{views.resident(block),
-                                             frame.resident(block),
-                                             keypoint.resident(block),
-                                             table.resident(block),
-                                             ctx.template scratch<vec3<double>>(rows),
-                                             ctx.template scratch<double>(rows),
-                                             ctx.template scratch<std::uint8_t>(rows)};
+    measurement_rows<descriptor, camera> out{
+        views.resident(block), frame.resident(block), keypoint.resident(block), table.resident(block), pixel,
+        information,           camera_of_row};
+    if constexpr (!on_host) {  // they stay: an adjustment reads them there
+      resident_pixel_.resize_discard(rows), resident_information_.resize_discard(rows);
+      out.pixel = resident_pixel_.data(), out.information = resident_information_.data();
+      out.camera = ctx.template scratch<std::uint8_t>(rows);
+    }
     auto* rigs = ctx.template scratch<rig_camera<camera>>(cameras);
     fill_bytes(ctx.policy(), rigs, 0, cameras * sizeof(rig_camera<camera>));  // rigs with fewer cameras leave places
     launch_gather_measurements(ctx.policy(), static_cast<int>(rows), out);
     launch_gather_rigs(ctx.policy(), static_cast<int>(frames), out.frames, rigs, most);
     rigs_.resize_discard(cameras);
-    copy_out(ctx.policy(), pixel, out.pixel, rows * sizeof(vec3<double>));
-    copy_out(ctx.policy(), information, out.information, rows * sizeof(double));
-    copy_out(ctx.policy(), camera_of_row, out.camera, rows);
+    if constexpr (!on_host) {
+      copy_out(ctx.policy(), pixel, out.pixel, rows * sizeof(vec3<double>));
+      copy_out(ctx.policy(), information, out.information, rows * sizeof(double));
+      copy_out(ctx.policy(), camera_of_row, out.camera, rows);
+    }
     copy_out(ctx.policy(), static_cast<void*>(rigs_.data()), rigs, cameras * sizeof(rig_camera<camera>));
     ctx.synchronize();
   }
@@ -191,8 +196,11 @@ class window_measurements {
   struct rig_place {
     std::size_t first, count;
   };
+  static constexpr bool on_host = is_host_accessible_v<memory_of_t<Policy>>;
 
   array<std::byte, memory_of_t<Policy>> inputs_;
+  array<vec3<double>, memory_of_t<Policy>> resident_pixel_;  ///< of the rows gathered last, on a device
+  array<double, memory_of_t<Policy>> resident_information_;
   list_of<view> views_;  ///< of the frames that are gathered at a time
   // Where those are not all: their rows, the numbers of their frames among them, and results.
   plain_vector<std::size_t> place_;
