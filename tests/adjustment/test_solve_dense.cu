@@ -81,7 +81,7 @@ struct random_equations {
 };
 
 TEST_CASE("systems of any size have the solution of the host") {
-  for (const int n : {1, 2, 5, 6, 15, 16, 17, 31, 32, 33, 48, 90, 131, 180, 240, 375, 384}) {
+  for (const int n : {1, 2, 5, 6, 15, 16, 17, 31, 32, 33, 48, 90, 131, 180, 224, 225, 240, 300, 321, 375, 384}) {
     CAPTURE(n);
     const random_equations p(n);
     std::vector<double> host, device, again;
@@ -155,7 +155,7 @@ TEST_CASE("frames with an IMU are put in order, and have the solution of the hos
 }
 
 TEST_CASE("no solution is told") {
-  for (const int n : {1, 16, 40, 200})
+  for (const int n : {1, 16, 40, 200, 300, 384})
     for (const int bad : {0, n / 2, n - 1})
       for (const double value : {-1.0, 0.0, std::nan(""), HUGE_VAL}) {
         CAPTURE(n);

@@ -7,6 +7,8 @@
 /// of the matrix goes to the host. It works on tiles of 16 by 16, right-looking: one warp factorises the tile on the diagonal
 /// and inverts the factor; the tiles below are multiplied by the inverse, and their products are subtracted from what is left.
 /// One step waits for the next one's tile on the diagonal only, so the first warp factorises that while the others subtract.
+/// A matrix that is larger than shared memory is taken in parts: so many of its first columns of tiles as there is room for, then what
+/// is left, where it lies, after their products are subtracted from it.
 /// Frames with an IMU are put into an unknown_order first. Two thirds of the tiles are 0 then and stay so; they are left out.
 
 #include <cstddef>
@@ -23,24 +25,30 @@ TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
-/// Where the block keeps the lower triangle of tiles: in shared memory, of devices that have enough of it.
+/// Columns [begin, end) of the lower triangle of tiles, in shared memory, column after column. What a block works on at a time.
 class shared_tiles {
  public:
   static constexpr int width = tile_width;
 
-  __device__ shared_tiles(const dense_equations&, double* memory) : memory_(memory) {}
-  static int count(int n) { return (n + width - 1) / width; }
-  static std::size_t bytes(int n) {
-    return static_cast<std::size_t>(count(n) * (count(n) + 1) / 2) * width * width * sizeof(double);
-  }
+  __device__ shared_tiles(double* memory, int count) : memory_(memory), count_(count) {}
+  /// Tiles of a row of the matrix.
+  TURBOMAP_HD static int count(int n) { return (n + width - 1) / width; }
 
-  /// One warp: tile `first` and every `step`-th after it. What is above the diagonal is 0, what is beyond the matrix an identity.
+  int begin = 0, end = 0;
+
+  /// Goes on from `end`: to the last column, or as far as there is room, and no farther than to what fits at a time then.
+  __device__ void advance(int room) {
+    begin = end;
+    int needed = 0;
+    for (int left = count_ - begin; left * (left + 1) / 2 > room && needed + left <= room; --left)
+      needed += left, ++end;
+    if (end == begin) end = count_;
+  }
+  /// One warp: tile `first` of them and every `step`-th after it. What is above the diagonal is 0, what is beyond the matrix an
+  /// identity.
   __device__ void load(const dense_equations& s, int first, int step) const {
     const int lane = static_cast<int>(threadIdx.x) % warp_size, r = lane % width;
-    const int tiles = (s.n + width - 1) / width;
-    for (int i = 0, j = first;; j += step) {
-      while (j > i) j -= i + 1, ++i;
-      if (i >= tiles) return;
+    for_each(first, step, [&](int i, int j) {
       const shared_tile to = tile(i, j);
       const int row = i * width + r;
       double x[width / 2];
@@ -52,28 +60,35 @@ class shared_tiles {
       }
 #pragma unroll
       for (int k = 0; k < width / 2; ++k) to.store(r, 2 * k + lane / width, x[k]);
+    });
+  }
+  /// f(i, j) for tile `first` of them and every `step`-th after it.
+  template <class Function>
+  __device__ void for_each(int first, int step, const Function& f) const {
+    for (int j = begin, below = first;; below += step) {
+      while (below >= count_ - j) {
+        below -= count_ - j;
+        if (++j >= end) return;
+      }
+      f(j + below, j);
     }
   }
-  __device__ shared_tile tile(int i, int j) const { return {memory_ + (i * (i + 1) / 2 + j) * width * width}; }
+  /// Of row i and column j, begin <= j < end.
+  __device__ shared_tile tile(int i, int j) const {
+    const int columns = j - begin, before = columns * (count_ - begin) - columns * (columns - 1) / 2;
+    return {memory_ + (before + i - j) * width * width};
+  }
 
  private:
   double* memory_;
+  int count_;
 };
 
-/// Where they are, else.
-class resident_tiles {
- public:
-  __device__ resident_tiles(const dense_equations& s, double*) : s_(s) {}
-  static std::size_t bytes(int) { return 0; }
-  __device__ void load(const dense_equations&, int, int) const {}
-  __device__ resident_tile tile(int i, int j) const {
-    const int row = i * tile_width, column = j * tile_width;
-    return {s_.S + static_cast<std::ptrdiff_t>(column) * s_.stride + row, s_.stride, s_.n - row, s_.n - column, i == j};
-  }
-
- private:
-  dense_equations s_;
-};
+/// A tile where it lies in device memory.
+__device__ inline resident_tile tile_in_memory(const dense_equations& s, int i, int j) {
+  const int row = i * tile_width, column = j * tile_width;
+  return {s.S + static_cast<std::ptrdiff_t>(column) * s.stride + row, s.stride, s.n - row, s.n - column, i == j};
+}
 
 /// A reciprocal within two units of the last place, by one step from that of the hardware: a division takes twice as long.
 __device__ inline double quick_reciprocal(double x) {
@@ -182,19 +197,55 @@ __device__ inline int unordered(const dense_equations& s, int at) {
   return at < first ? at / others * D + s.seen + at % others : (at - first) / s.seen * D + (at - first) % s.seen;
 }
 
-/// What is left of the matrix and of the right hand side after the columns of tile p. \param rows  the tiles below it
+/// What is left of the columns and of the right hand side after the columns of tile p. \param rows  the tiles below it
 /// \param skip  1: all tasks but the first, the next tile on the diagonal   \param worker  of `workers`, a warp each
-template <class Tiles>
-__device__ inline void subtract_columns(const Tiles& tiles, int p, const unsigned char* rows, int count, int skip,
-                                        double* y, int worker, int workers) {
+__device__ inline void subtract_columns(const shared_tiles& tiles, int p, const unsigned char* rows, int count,
+                                        int skip, double* y, int worker, int workers) {
   for (int i = 0, j = skip + worker;; j += workers) {  // row i: i + 1 tiles, then its part of the right hand side
     while (j > i + 1) j -= i + 2, ++i;
     if (i >= count) return;
     const int row = rows[i];
     if (j > i)
       subtract_product<false>(tiles.tile(row, p), y + p * tile_width, y + row * tile_width);
-    else
+    else if (rows[j] < tiles.end)
       subtract_tiles(tiles.tile(row, rows[j]), tiles.tile(row, p), tiles.tile(rows[j], p));
+  }
+}
+
+/// The columns go back to where they lie, and their products are subtracted from the tiles behind them. One warp of `warps`.
+__device__ inline void subtract_part(const dense_equations& s, const shared_tiles& tiles, const tile_lists& lists,
+                                     int count, int warp, int warps) {
+  const int lane = static_cast<int>(threadIdx.x) % warp_size, r = lane % tile_width;
+  tiles.for_each(warp, warps, [&](int i, int j) {
+    const shared_tile from = tiles.tile(i, j);
+    const resident_tile to = tile_in_memory(s, i, j);
+#pragma unroll
+    for (int k = lane / tile_width; k < tile_width; k += 2) to.store(r, k, from.load(r, k));
+  });
+  for (int i = tiles.end, j = i + warp;; j += warps) {
+    while (j > i) j -= i + 1 - tiles.end, ++i;
+    if (i >= count) return;
+    const resident_tile to = tile_in_memory(s, i, j);
+    tile_product sum;
+    sum.load(to);
+    for (int p = tiles.begin; p < tiles.end; ++p)
+      if (lists.has(i, p) && lists.has(j, p)) sum.add(tiles.tile(i, p), tiles.tile(j, p), -1);
+    sum.store(to);
+  }
+}
+
+/// Substitutes back through columns [begin, end): L^T x = y. All warps of the block. \param tile  tile(i, j)
+template <class Tile>
+__device__ inline void substitute_back(const Tile& tile, const tile_lists& lists, int begin, int end, double* y,
+                                       int warp, int warps) {
+  if (warp == 0) replace_by_product<true>(tile(end - 1, end - 1), y + (end - 1) * tile_width);
+  __syncthreads();
+  for (int p = end - 1; p > begin; --p) {  // the first warp has the one that is next
+    for (int q = p - 1 - warp; q >= begin; q -= warps) {
+      if (lists.has(p, q)) subtract_product<true>(tile(p, q), y + p * tile_width, y + q * tile_width);
+      if (q == p - 1) replace_by_product<true>(tile(q, q), y + q * tile_width);
+    }
+    __syncthreads();
   }
 }
 
@@ -203,6 +254,7 @@ __device__ inline void subtract_columns(const Tiles& tiles, int p, const unsigne
 /// A block per tile of the lower triangle: s.S into s.ordered in an unknown_order, and behind it whether the tile is not 0.
 template <int Threads>
 __global__ void __launch_bounds__(Threads) order_unknowns_kernel(dense_equations s) {
+  begin_early();
   constexpr int width = detail::tile_width;
   static_assert(Threads == width * width);
   int i = 0, j = static_cast<int>(blockIdx.x);
@@ -220,12 +272,14 @@ __global__ void __launch_bounds__(Threads) order_unknowns_kernel(dense_equations
   if (threadIdx.x == 0) all[j * dense_equations::most_tiles + i] = filled;
 }
 
-template <class Tuning, class Tiles>
-__global__ void __launch_bounds__(Tuning::threads) solve_dense_kernel(dense_equations s) {
+/// \param room  tiles that shared memory has room for; no fewer than a column of them has
+template <class Tuning>
+__global__ void __launch_bounds__(Tuning::threads) solve_dense_kernel(dense_equations s, int room) {
   constexpr int width = detail::tile_width, warps = Tuning::threads / warp_size;
   extern __shared__ double solve_dense_memory[];
   __shared__ int good;
   __shared__ detail::tile_lists lists;
+  begin_early();
   if (s.lambda != nullptr && isnan(*s.lambda)) return;
   const int* filled = nullptr;
   if (s.ordered != nullptr) {
@@ -233,10 +287,10 @@ __global__ void __launch_bounds__(Tuning::threads) solve_dense_kernel(dense_equa
     filled = reinterpret_cast<const int*>(s.ordered + static_cast<std::ptrdiff_t>(s.stride) * s.stride);
   }
   const int thread = static_cast<int>(threadIdx.x), warp = thread / warp_size;
-  const int count = (s.n + width - 1) / width, padded = count * width;
+  const int count = detail::shared_tiles::count(s.n), padded = count * width;
   double* const y = solve_dense_memory;
   double* const diagonal = y + padded;
-  const Tiles tiles(s, diagonal + padded);
+  detail::shared_tiles tiles(diagonal + padded, count);
   for (int i = thread; i < padded; i += Tuning::threads) {
     y[i] = i < s.n ? s.x[detail::unordered(s, i)] : 0;
     diagonal[i] = i < s.n ? s.S[static_cast<std::ptrdiff_t>(i) * s.stride + i] : 1;
@@ -245,83 +299,79 @@ __global__ void __launch_bounds__(Tuning::threads) solve_dense_kernel(dense_equa
     const bool factorised = detail::invert_factor(tiles.tile(p, p), diagonal + p * width, s.tolerance);
     if (thread == 0) good = factorised ? 1 : 0;
   };
-  if (warp == 0) {
-    tiles.load(s, 0, count * count);
-    __syncwarp();
-    factorise(0);
-  } else {
-    tiles.load(s, warp, warps - 1);
-    if (warp == 1) detail::list_tiles(filled, count, lists);
+  for (;;) {
+    tiles.advance(room);
+    if (warp == 0) {
+      tiles.load(s, 0, count * count);
+      __syncwarp();
+      factorise(tiles.begin);
+    } else {
+      tiles.load(s, warp, warps - 1);
+      if (warp == 1 && tiles.begin == 0) detail::list_tiles(filled, count, lists);
+    }
+    __syncthreads();
+    for (int p = tiles.begin; p < tiles.end; ++p) {
+      if (good == 0) {
+        if (thread == 0) *s.solved = 0;
+        return;
+      }
+      const unsigned char* const rows = lists.row[p];
+      const int below = lists.count(p);
+      const int next = p + 1 < tiles.end && lists.has(p + 1, p) ? 1 : 0;  // whether the next diagonal waits for p
+      for (int k = warp; k < below; k += warps) detail::divide_tile(tiles.tile(rows[k], p), tiles.tile(p, p));
+      if (warp == warps - 1) detail::replace_by_product<false>(tiles.tile(p, p), y + p * width);
+      __syncthreads();
+      // Warps 4, 8, ... would share the arithmetic of the first one, for which all wait.
+      if (warp % 4 != 0)
+        detail::subtract_columns(tiles, p, rows, below, next, y, warp - warp / 4 - 1, warps - warps / 4);
+      else if (warp == 0 && p + 1 < tiles.end) {
+        if (next == 1) detail::subtract_tiles(tiles.tile(p + 1, p + 1), tiles.tile(p + 1, p), tiles.tile(p + 1, p));
+        factorise(p + 1);
+      }
+      __syncthreads();
+    }
+    if (tiles.end == count) break;
+    detail::subtract_part(s, tiles, lists, count, warp, warps);
+    __syncthreads();
   }
-  __syncthreads();
-  for (int p = 0; p < count; ++p) {
-    if (good == 0) {
-      if (thread == 0) *s.solved = 0;
-      return;
-    }
-    const unsigned char* const rows = lists.row[p];
-    const int below = lists.count(p), next = lists.has(p + 1, p) ? 1 : 0;  // whether the next diagonal waits for p
-    for (int k = warp; k < below; k += warps) detail::divide_tile(tiles.tile(rows[k], p), tiles.tile(p, p));
-    if (warp == warps - 1) detail::replace_by_product<false>(tiles.tile(p, p), y + p * width);
+  const int parted = tiles.begin;
+  detail::substitute_back([&](int i, int j) { return tiles.tile(i, j); }, lists, parted, count, y, warp, warps);
+  if (parted > 0) {
+    for (int q = warp; q < parted; q += warps)
+      for (int p = count - 1; p >= parted; --p)
+        if (lists.has(p, q))
+          detail::subtract_product<true>(detail::tile_in_memory(s, p, q), y + p * width, y + q * width);
     __syncthreads();
-    // Warps 4, 8, ... would share the arithmetic of the first one, for which all wait.
-    if (warp % 4 != 0)
-      detail::subtract_columns(tiles, p, rows, below, next, y, warp - warp / 4 - 1, warps - warps / 4);
-    else if (warp == 0 && p + 1 < count) {
-      if (next == 1) detail::subtract_tiles(tiles.tile(p + 1, p + 1), tiles.tile(p + 1, p), tiles.tile(p + 1, p));
-      factorise(p + 1);
-    }
-    __syncthreads();
-  }
-  // L^T x = y, from the last tile on; the first warp has the one that is next.
-  if (warp == 0) detail::replace_by_product<true>(tiles.tile(count - 1, count - 1), y + (count - 1) * width);
-  __syncthreads();
-  for (int p = count - 1; p > 0; --p) {
-    for (int q = p - 1 - warp; q >= 0; q -= warps) {
-      if (lists.has(p, q)) detail::subtract_product<true>(tiles.tile(p, q), y + p * width, y + q * width);
-      if (q == p - 1) detail::replace_by_product<true>(tiles.tile(q, q), y + q * width);
-    }
-    __syncthreads();
+    detail::substitute_back([&](int i, int j) { return detail::tile_in_memory(s, i, j); }, lists, 0, parted, y, warp,
+                            warps);
   }
   for (int i = thread; i < s.n; i += Tuning::threads) s.x[detail::unordered(s, i)] = y[i];
   if (thread == 0) *s.solved = 1;
 }
 
-namespace detail {
-
-/// False: the device has too little shared memory, and nothing was launched.
-template <class Tiles, class Derived>
-bool launch_solve_in(const thrust::cuda_cub::execution_policy<Derived>& policy, const dense_equations& s) {
-  constexpr int of_kernel = 64 + sizeof(tile_lists);  // bytes of shared memory that are not dynamic
-  int device = 0, most = 0;
-  check_cuda(cudaGetDevice(&device), "current device");
-  check_cuda(cudaDeviceGetAttribute(&most, cudaDevAttrMaxSharedMemoryPerBlockOptin, device),
-             "shared memory of a block");
-  const std::size_t vectors = 2 * static_cast<std::size_t>(s.n + tile_width) * sizeof(double);
-  const std::size_t bytes = vectors + Tiles::bytes(s.n);
-  if (bytes > static_cast<std::size_t>(most - of_kernel)) return false;
-  const auto kernel = solve_dense_kernel<solve_dense_tuning, Tiles>;
-  // The attribute belongs to the kernel, which all contexts share: always the same value.
-  check_cuda(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, most - of_kernel),
-             "shared memory of solve_dense");
-  launch_kernel_with(policy, "launch of solve_dense", bytes, kernel, 1, solve_dense_tuning::threads, s);
-  return true;
-}
-
-}  // namespace detail
-
 template <class Derived>
 bool launch_solve_dense(const thrust::cuda_cub::execution_policy<Derived>& policy, const dense_equations& s) {
   static_assert(solve_dense_tuning::unknowns < dense_equations::most_tiles * detail::tile_width);
   if (s.n <= 0 || s.n > solve_dense_tuning::unknowns) return false;
-  if (s.ordered != nullptr) {
-    constexpr int threads = detail::tile_width * detail::tile_width;
-    const int tiles = detail::shared_tiles::count(s.n);
-    launch_kernel(policy, "launch of order_unknowns", order_unknowns_kernel<threads>, tiles * (tiles + 1) / 2, threads,
-                  s);
-  }
-  return detail::launch_solve_in<detail::shared_tiles>(policy, s) ||
-         detail::launch_solve_in<detail::resident_tiles>(policy, s);
+  constexpr int of_kernel = 64 + sizeof(detail::tile_lists);  // bytes of shared memory that are not dynamic
+  constexpr int width = detail::tile_width, tile_bytes = width * width * static_cast<int>(sizeof(double));
+  int device = 0, most = 0;
+  check_cuda(cudaGetDevice(&device), "current device");
+  check_cuda(cudaDeviceGetAttribute(&most, cudaDevAttrMaxSharedMemoryPerBlockOptin, device),
+             "shared memory of a block");
+  const int count = detail::shared_tiles::count(s.n), tiles = count * (count + 1) / 2;
+  const int vectors = 2 * count * width * static_cast<int>(sizeof(double));
+  const int fitting = (most - of_kernel - vectors) / tile_bytes, room = tiles < fitting ? tiles : fitting;
+  if (room < count) return false;
+  if (s.ordered != nullptr)
+    launch_early(policy, "launch of order_unknowns", 0, order_unknowns_kernel<width * width>, tiles, width * width, s);
+  const auto kernel = solve_dense_kernel<solve_dense_tuning>;
+  // The attribute belongs to the kernel, which all contexts share: always the same value.
+  check_cuda(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, most - of_kernel),
+             "shared memory of solve_dense");
+  launch_early(policy, "launch of solve_dense", static_cast<std::size_t>(vectors + room * tile_bytes), kernel, 1,
+               solve_dense_tuning::threads, s, room);
+  return true;
 }
 
 TURBOMAP_END_NAMESPACE
