@@ -157,6 +157,10 @@ TEST_CASE("the correction by the bias leaves out what is of second order; the ru
   CHECK_FALSE(turbomap::needs_integration(p, near, options));
   CHECK(turbomap::needs_integration(p, {{0, 1.001 * limit, 0}, {0, 0, 0}}, options));
   CHECK(turbomap::needs_integration(p, {{0, 0, 0}, {0, -0.101, 0}}, options));
+  auto longer = p;
+  longer.dt = 4;
+  CHECK_FALSE(turbomap::needs_integration(longer, {{0, 0.249 * limit, 0}, {0, 0, 0}}, options));
+  CHECK(turbomap::needs_integration(longer, {{0, 0.251 * limit, 0}, {0, 0, 0}}, options));
   // What the defaults promise: below the noise of the same second.
   const auto first_order = turbomap::rebased(p, near), exact = preintegrate(m.samples(), in, near, options);
   CHECK(oracle_log(to_eigen(exact.dR).transpose() * to_eigen(first_order.dR)).norm() < std::sqrt(p.C_RR(0, 0)));
@@ -351,6 +355,14 @@ TEST_CASE("faulty data are refused by name and value") {
             for (std::size_t i = 30; i < 100; ++i) m.t_ns[i] += 60 * ms;
           }),
           "samples.t_ns[30]", "max_gap");
+  refused(  // the whole interval is in the gap
+      [&] {
+        imu_motion m = good;
+        for (std::size_t i = 30; i < 100; ++i) m.t_ns[i] += 600 * ms;
+        const auto inside = find_interval(m.samples(), m.t_ns[29] + 100 * ms, m.t_ns[29] + 400 * ms);
+        preintegrate(m.samples(), inside, imu_bias<double>{}, options);
+      },
+      "samples.t_ns[30]", "max_gap");
   // So far apart that 64 bits with a sign do not hold the difference.
   refused(with([](imu_motion& m) {
             for (int i = 0; i < 30; ++i)

@@ -61,7 +61,10 @@ class recorded_imu {
     const std::int64_t from = time_ns(map, before);
     try {
       turbomap::imu_history h = samples(from, recording_.t_ns[static_cast<std::size_t>(i)]);
-      const auto motion = turbomap::preintegrate(h, map.bias(before), options_);
+      // Before it is initialised, at the bias of the motion before: attempts find it, and culling merges the two.
+      const auto* last = map.motion(before);
+      const bool known = map.initialised() || last == nullptr;
+      const auto motion = turbomap::preintegrate(h, known ? map.bias(before) : last->bias, options_);
       map.set_motion(current, motion, std::move(h));
     } catch (const std::invalid_argument& error) {
       if (holes_++ == 0) first_hole_ = error.what();

@@ -4,7 +4,8 @@
 
 # usage: imu.sh TURBOMAP-SIMULATE TURBOMAP-REPLAY
 # Replays simulated recordings with their IMU, of which nothing but the samples is known (--uninitialised). One camera and
-# two that shake: initialised within 15 s of motion, the scale right to 1 %. One camera that moves evenly: not initialised.
+# two that shake: initialised within 15 s of motion, the scale right to 1 %; also after 5 s of rest, which culling makes one
+# interval. One camera that moves evenly: not initialised.
 set -eu -o pipefail
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -22,6 +23,9 @@ awk 'BEGIN {
       sin(a) * cos(b) * cos(c) - cos(a) * sin(b) * sin(c), cos(a) * cos(b) * cos(c) + sin(a) * sin(b) * sin(c)
   }
 }' >"$work/shaken.tum"
+
+awk 'NR == 1 { for (i = 0; i < 100; ++i) print 995 + 0.05 * i, $2, $3, $4, $5, $6, $7, $8 } { print }' \
+  "$work/shaken.tum" >"$work/rested.tum"
 
 # replay NAME EXPECTED SIMULATE-ARGUMENTS...   EXPECTED: known, unknown
 replay() {
@@ -49,5 +53,6 @@ replay() {
 }
 simulate=$1 replayer=$2
 replay mono known "$work/shaken.tum" --mono
+replay rested known "$work/rested.tum" --mono
 replay fisheye known "$work/shaken.tum" --camera tum-vi
 replay even unknown corridor --mono --keyframes 40

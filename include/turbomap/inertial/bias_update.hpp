@@ -55,7 +55,8 @@ TURBOMAP_HD preintegration<S> rebased(const preintegration<S>& p, const imu_bias
 template <class S>
 TURBOMAP_HD bool needs_integration(const preintegration<S>& p, const imu_bias<S>& bias,
                                    const preintegration_options& options) {
-  return norm(bias.gyro - p.bias.gyro) > S(options.max_gyro_bias_change) ||
+  const S longer = p.dt > S(1) ? p.dt : S(1);  // s
+  return longer * norm(bias.gyro - p.bias.gyro) > S(options.max_gyro_bias_change) ||
          norm(bias.acceleration - p.bias.acceleration) > S(options.max_acceleration_bias_change);
 }
 

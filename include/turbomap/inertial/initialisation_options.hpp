@@ -83,7 +83,8 @@ struct initialisation {
   /// Of Gauss-Newton.
   int iterations = 0;
   /// The estimate of the bias is so far from that of the preintegrations that they should be integrated again at `bias`
-  /// (preintegration_options), and this called again: until then the result is right to first order.
+  /// (preintegration_options), and this called again: until then the result is right to first order. Also where it was not
+  /// initialised: what the first order leaves out of an interval of some seconds hides the scale, or makes it a wrong one.
   bool integrate_again = false;
 
   /// True when it was initialised.

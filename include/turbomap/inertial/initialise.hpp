@@ -41,19 +41,33 @@ class initialiser {
       : T_cw_(T_cw), motion_(motion), T_bc_(T_bc), options_(options), whitening_(motion.size()) {}
 
   void run(initialisation& found) {
+    if (!estimate(found)) return;
+    const preintegration_options limits;
+    for (const auto& p : motion_)
+      found.integrate_again =
+          found.integrate_again || (is_finite(sum_of(found.bias)) && needs_integration(p, found.bias, limits));
+  }
+
+ private:
+  /// \return whether what was found says something of the bias: what no step led to does not
+  bool estimate(initialisation& found) {
     constexpr int linear_rounds = 2;
     start(found);
     bool converged = false;
     for (; found.iterations < options_.max_iterations && !converged; ++found.iterations) {
       found.end = initialisation_end::not_converged;
       const bool linear = found.iterations < linear_rounds, weighs = found.iterations < weighing_rounds;
-      if ((weighs && !weigh(found, !linear)) || !step(found, linear, converged)) return;
+      if ((weighs && !weigh(found, !linear)) || !step(found, linear, converged))
+        return found.end == initialisation_end::scale_unknown;
       converged = converged && !weighs;
     }
     judge(found, converged);
+    return true;
+  }
+  static double sum_of(const imu_bias<double>& b) {
+    return b.gyro.x + b.gyro.y + b.gyro.z + b.acceleration.x + b.acceleration.y + b.acceleration.z;
   }
 
- private:
   using unknown = shared_unknowns;
   /// An edge as it stands: residuals, their derivatives by states and gravity, and those of position by the scale.
   struct raw_edge {
@@ -252,9 +266,6 @@ class initialiser {
                 : !(found.gravity_sigma <= options_.max_gravity_sigma) ? initialisation_end::gravity_unknown
                 : !converged                                           ? initialisation_end::not_converged
                                                                        : initialisation_end::initialised;
-    const preintegration_options limits;
-    for (const auto& p : motion_)
-      found.integrate_again = found.integrate_again || needs_integration(p, found.bias, limits);
   }
 
   span<const rigid_transform<double>> T_cw_;

@@ -42,7 +42,7 @@ struct preintegration_options {
   double acceleration_range = 0;  ///< full scale of the accelerometer, m/s^2. 0: not known
   /// Change of bias beyond which an interval is integrated again instead of corrected to first order. What the first
   /// order leaves out is |change|^2 dt^2 / 2 in the rotation: 5e-5 rad after 1 s at the default, below the noise of one
-  /// second (1.7e-4 rad).
+  /// second (1.7e-4 rad). Of an interval of more than a second, change times duration counts, which keeps it at that.
   double max_gyro_bias_change = 0.01;  ///< rad/s
   /// The same for the accelerometer. Velocity and position are linear in it; only its product with the gyroscope's
   /// change is left out.

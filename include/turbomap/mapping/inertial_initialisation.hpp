@@ -8,11 +8,10 @@
 /// again it refines them. Meant for the keyframes' thread, between two keyframes; initialisation_schedule says when.
 
 #include <cstddef>
-#include <exception>
-#include <utility>
 
 #include "../config.hpp"
 #include "../error.hpp"
+#include "../inertial/bias_update.hpp"
 #include "../inertial/initialise.hpp"
 #include "../map/inertial_traits.hpp"
 #include "../map/map_traits.hpp"
@@ -39,12 +38,12 @@ class inertial_initialisation {
   /// @}
 
   /// Looks back in time from a keyframe, as far as motions are known, options.most_seconds at most. With bias_changed() of the
-  /// traits the samples are integrated again at the biases that were found, and the estimate is repeated; where a repetition finds
-  /// nothing, what was found before it stands.
+  /// traits the samples are integrated again at the biases that were found, and the estimate is repeated, before it is judged: over
+  /// some seconds of rest a bias that nobody knew turns the motion by so much that the first order says little of it.
   /// \return what was found; its scale is that by which the map was scaled. The map is as it was where it is not initialised,
-  ///         or `stale()`
+  ///         or `stale()`, but for the biases at which motions are integrated
   /// \throws std::invalid_argument  an option, T_bc, a pose or a motion that cannot be, or whose duration is not the time between
-  ///         its keyframes (options.max_time_error): nothing is changed
+  ///         its keyframes (options.max_time_error): nothing is changed, but for the biases at which motions are integrated
   /// Takes the map's guard to read, and again to write; O(keyframes), with a scale O(map).
   const initialisation& operator()(Map& map, const keyframe& current, const initialisation_options& options = {}) {
     static_assert(require_inertial_traits<Map>());
@@ -56,13 +55,12 @@ class inertial_initialisation {
             "must not be below min_seconds");
     detail::require_not_negative("options.max_time_error", options.max_time_error);
     found_ = estimate(map, current, options);
-    if (!found_ || !commit(map, found_, options.monocular)) return found_;
     if constexpr (detail::inertial_has_v<Map, detail::inertial_bias_member>) {
-      constexpr int most = 2;  // each time the motions are integrated at a better bias
-      for (int again = 0; again < most && found_.integrate_again; ++again)
-        if (!repeat(map, current, options)) break;
-      stale_ = false;  // the first one was written
+      constexpr int most = 3;  // each time at a better bias: the change of the second is seldom worth a third
+      for (int again = 0; again < most && found_.integrate_again && integrate(map); ++again)
+        found_ = estimate(map, current, options);
     }
+    if (found_ && !stale_) commit(map, options.monocular);
     return found_;
   }
   /// Whether somebody changed the keyframes meanwhile, so that nothing was written.
@@ -73,18 +71,19 @@ class inertial_initialisation {
     snapshot(map, current, options);
     return initialise_inertial(T_cw_, motions_, T_bc_, options);
   }
-  /// Once more on the map as it is now, in metres. \return whether that is the better estimate, and was written
-  bool repeat(Map& map, const keyframe& current, initialisation_options options) {
-    options.monocular = false;
-    try {
-      initialisation better = estimate(map, current, options);
-      if (!better || !commit(map, better, false)) return false;
-      better.scale = found_.scale, better.scale_sigma = found_.scale_sigma;
-      found_ = std::move(better);
-      return true;
-    } catch (const std::exception&) {  // no memory, or somebody made the map one that cannot be used
-      return false;
+  /// Integrates the samples again at the bias that was found. \return whether a motion is another now: a map may have no samples,
+  /// or limits of its own; and where somebody changed the keyframes, nothing is done
+  bool integrate(Map& map) {
+    [[maybe_unused]] const auto guard = map_guard(map);
+    if (!unchanged(map)) return false;
+    bool changed = false;
+    preintegration<double> motion;
+    for (std::size_t i = 1; i < keyframes_.size(); ++i) {
+      tell(map, keyframes_[i], found_.bias);
+      changed =
+          (inertial::motion(map, keyframes_[i], motion) && !same_bias(motion.bias, motions_[i - 1].bias)) || changed;
     }
+    return changed;
   }
 
   void snapshot(Map& map, const keyframe& current, const initialisation_options& options) {
@@ -120,33 +119,36 @@ class inertial_initialisation {
     }
   }
 
-  bool commit(Map& map, const initialisation& found, bool scale) {
-    [[maybe_unused]] const auto guard = map_guard(map);
-    for (std::size_t i = 0; i < keyframes_.size(); ++i) {
+  /// Whether the keyframes are as they were read; if not, stale() is true. The caller holds the guard.
+  bool unchanged(const Map& map) {
+    for (std::size_t i = 0; i < keyframes_.size() && !stale_; ++i) {
       const keyframe& k = keyframes_[i];
-      stale_ = stale_ || !traits::alive(map, k) || (i > 0 && !(traits::previous(map, k) == keyframes_[i - 1]));
-      if (stale_) return false;
+      stale_ = !traits::alive(map, k) || (i > 0 && !(traits::previous(map, k) == keyframes_[i - 1]));
+      if (stale_) break;
       const auto now = pose_of(map, k);
       const auto& then = T_cw_[i];
       stale_ = now.tx != then.tx || now.ty != then.ty || now.tz != then.tz || now.qx != then.qx || now.qy != then.qy ||
                now.qz != then.qz || now.qw != then.qw;
     }
-    if (stale_) return false;
+    return !stale_;
+  }
+  void commit(Map& map, bool scale) {
+    [[maybe_unused]] const auto guard = map_guard(map);
+    if (!unchanged(map)) return;
     if (scale) {
       if constexpr (detail::map_has_v<Map, detail::map_all_member>)
-        scale_map(map, found.scale);
+        scale_map(map, found_.scale);
       else
         require(false, "options.monocular", scale, "needs map_traits with for_each_keyframe and for_each_point");
     }
-    inertial::set_gravity(map, found.gravity);
+    inertial::set_gravity(map, found_.gravity);
     for (std::size_t i = 0; i < keyframes_.size(); ++i) {
-      inertial::set_velocity(map, keyframes_[i], found.velocity[i]);
-      inertial::set_bias(map, keyframes_[i], found.bias);
-      if (i > 0) tell(map, keyframes_[i], found.bias);
+      inertial::set_velocity(map, keyframes_[i], found_.velocity[i]);
+      inertial::set_bias(map, keyframes_[i], found_.bias);
+      if (i > 0) tell(map, keyframes_[i], found_.bias);
     }
-    tell(map, traits::next(map, keyframes_.back()), found.bias);
+    tell(map, traits::next(map, keyframes_.back()), found_.bias);
     inertial::set_initialised(map, true);
-    return true;
   }
   /// The bias before the interval of a keyframe is another now.
   static void tell([[maybe_unused]] Map& map, [[maybe_unused]] const keyframe& after,
