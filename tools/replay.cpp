@@ -133,7 +133,7 @@ int main(int argc, char** argv) try {
   bool uses_imu = false, centres = false;
   auto* imu = app.add_flag("--imu,!--no-imu", uses_imu,
                            "use the IMU, initialised from its samples, or leave it out; when not given, recordings "
-                           "with an IMU use it (host policies, replay mode)");
+                           "with an IMU use it (replay mode)");
   app.add_option("--imu-noise", a.imu_noise,
                  "noise densities of the IMU, times those of the recording; above 1 where it vibrates")
       ->check(CLI::Range(1e-3, 1e3));
@@ -253,10 +253,9 @@ int main(int argc, char** argv) try {
   if (centres && a.check) throw std::invalid_argument("--pixel-centres: not together with --check");
   if (a.error_parts && a.check) throw std::invalid_argument("--error-parts: not together with --check");
   if (a.check) a.pixel_centres = turbomap_replay::choice::no;
-  if (a.check || a.objects || cuda) {
-    if (uses_imu) throw std::invalid_argument("--imu: not together with --check, --map objects or the policy cuda");
-    if (a.imu == turbomap_replay::choice::by_recording)
-      a.without_imu = a.check ? "--check" : a.objects ? "--map objects" : "policy cuda";
+  if (a.check || a.objects) {
+    if (uses_imu) throw std::invalid_argument("--imu: not together with --check or --map objects");
+    if (a.imu == turbomap_replay::choice::by_recording) a.without_imu = a.check ? "--check" : "--map objects";
     a.imu = turbomap_replay::choice::no;
   }
   if (a.imu == turbomap_replay::choice::no && a.imu_noise != 1)

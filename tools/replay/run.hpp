@@ -116,7 +116,7 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
   replay_result result;
   std::vector<replay_row> rows;  // of all repetitions, the first keyframes left out
   for (int k = 0; k < arguments.repeat; ++k) {
-    result = arguments.imu == choice::yes ? replay_inertial<Camera>(recording, arguments)
+    result = arguments.imu == choice::yes ? replay_inertial<Camera>(recording, policy, arguments)
              : arguments.objects
                  ? replay_objects<Camera>(recording, arguments)
                  : replayer<turbomap::simple_map<orb, Camera>, Policy>(recording, policy, arguments).run();
