@@ -113,6 +113,8 @@ class local_mapper {
                   "turbomap: a map that is mirrored cannot be adjusted with its IMU yet; see docs/inertial.md");
     require(options.deadline_ms >= 0, "options.deadline_ms", options.deadline_ms, "must not be negative");
     require(options.checked_share >= 0, "options.checked_share", options.checked_share, "must not be negative");
+    require(options.points_read_per_guard >= 0, "options.points_read_per_guard", options.points_read_per_guard,
+            "must not be negative");
     require(options.extra_rounds >= 0, "options.extra_rounds", options.extra_rounds, "must not be negative");
     require(options.most_views >= 0, "options.most_views", options.most_views, "must not be negative");
     require(options.neighbours.stereo_baseline >= 0, "options.neighbours.stereo_baseline",
@@ -347,7 +349,9 @@ class local_mapper {
     if (store_.contains(handle)) store_.erase(handle);
   }
   fault_sink faults() { return options_.strict ? fault_sink() : fault_sink(report_.refused); }
-  scope scope_of(mapping_stage s) { return {ctx_, working_.get(), store_, stored_, report_.held[s], faults()}; }
+  scope scope_of(mapping_stage s) {
+    return {ctx_, working_.get(), store_, stored_, report_.held[s], faults(), options_.points_read_per_guard};
+  }
   /// Whether a stage reads the pose of the keyframe that is processed.
   static bool needs_pose(mapping_stage s) { return s >= mapping_stage::search && s <= mapping_stage::adjustment; }
 

@@ -213,6 +213,31 @@ TEST_CASE_TEMPLATE("all policies leave the same bits", Policy, TURBOMAP_TEST_POL
   }
 }
 
+TEST_CASE("read in parts: the same bits; whether a keyframe was moved in between is seen") {
+  inertial_recipe recipe;
+  recipe.outliers = 0.05;
+  inertial_map_scene s(recipe), other(recipe);
+  inertial_run<sequential> whole(sequential{}, s), parted(sequential{}, other);
+  auto scope = whole.scope(), parts = parted.scope();
+  scope.points_read_per_guard = 0, parts.points_read_per_guard = 7;
+  for (const std::size_t current : {7U, 10U, 13U}) {
+    const auto a = whole.adjust(scope, s.keyframes[current], {});
+    const auto b = parted.adjust(parts, other.keyframes[current], {});
+    CHECK(a.observations == b.observations);
+    CHECK(s.state() == other.state());
+  }
+  CHECK(parted.held.count > 5 * whole.held.count);
+
+  turbomap::inertial_window<inertial_map> window;
+  window.choose(scope, s.keyframes[13], {}, {});
+  CHECK(window.read(scope, 7));
+  CHECK_FALSE(window.moved(scope));
+  auto T = s.map.T_cw(s.keyframes[11]);
+  T.tx += 1;
+  s.map.set_pose(s.keyframes[11], T);
+  CHECK(window.moved(scope));
+}
+
 TEST_CASE("outliers leave the map; near points have a wider gate") {
   inertial_recipe recipe;
   recipe.outliers = 0.08;

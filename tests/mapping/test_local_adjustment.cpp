@@ -42,6 +42,7 @@ struct turbomap::map_traits<turbomap_test::looked_map> : turbomap::map_traits<tu
   static void look_again(const map&, keyframe) {}
   static void look_again(const map&, keyframe, std::size_t) {}
   static void look_at_position(const map&, point) {}
+  static void forget_copy(const map&) {}
 };
 
 namespace {

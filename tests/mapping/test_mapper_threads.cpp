@@ -37,6 +37,7 @@ TEST_CASE("the map is the same whatever the size of a part") {
     auto c = stereo_case(noisy(4, 1.2));
     c.options.fusion.commit.entries_per_guard = part;
     c.options.adjustment.points_per_guard = part;
+    c.options.points_read_per_guard = part;
     const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
     run_type run(scene, c.options);
     std::size_t merged = 0, outliers = 0, most = 0;

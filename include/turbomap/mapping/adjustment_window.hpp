@@ -43,14 +43,14 @@ class adjustment_window {
     std::int32_t keypoint;  ///< keypoint index, within the keyframe
   };
 
-  /// The caller holds the guard. \param current  alive and in the store
+  /// Chooses the keyframes that move; read() adds the rest. The caller holds the guard, here and in the next two.
+  /// \param current  alive and in the store
   /// \param second_min_shared_points  0: no keyframes of the second order
   /// \param most_keyframes  that are not fixed, best covisible ones first; 0: all
-  /// \throws inconsistent_map  an observation by a keypoint that its keyframe does not have, a pose or position that cannot be
-  ///         used; where the scope notes faults, these are passed over. Empty where the pose is that of `current`
-  /// O(observations of the points of the free keyframes).
+  /// \throws inconsistent_map  a pose that cannot be used; where the scope notes faults, these are passed over. Empty where
+  ///         the pose is that of `current`
   template <class Policy>
-  void gather(const mapping_scope<Map, Policy>& s, keyframe current, int min_shared_points,
+  void choose(const mapping_scope<Map, Policy>& s, keyframe current, int min_shared_points,
               int second_min_shared_points, int most_keyframes) {
     const Map& map = s.map;
     const std::size_t most = most_keyframes == 0 ? no_limit : static_cast<std::size_t>(most_keyframes);
@@ -63,12 +63,35 @@ class adjustment_window {
     for (std::size_t f = 1; f < first_order && frames_.size() < most; ++f)
       for (const auto& c : covisibility_(map, frames_[f], second_min_shared_points, no_limit, can_use))
         if (frames_.size() < most) add_frame(map, s.stored, c.keyframe, false, s.faults);
-    const std::size_t local = frames_.size();
-    for (std::size_t f = 0; f < local; ++f) add_points_of(map, s.stored, f, true, s.faults);
-    hold_something(local);
+    local_ = frames_.size();
+  }
+  /// Reads points of the keyframes that move, with their observations: the next `most` slots. \return whether some are left
+  /// \throws inconsistent_map  an observation by a keypoint that its keyframe does not have, a position that cannot be used;
+  ///         where the scope notes faults, these are passed over
+  /// In all O(observations of the points of the free keyframes).
+  template <class Policy>
+  bool read(const mapping_scope<Map, Policy>& s, std::size_t most) {
+    for (; next_frame_ < local_ && most > 0; ++next_frame_, next_slot_ = 0) {
+      if (!traits::alive(s.map, frames_[next_frame_])) continue;  // erased between two calls
+      if (next_slot_ == 0) slots_ = list_points_of(s.map, next_frame_);
+      const std::size_t begin = next_slot_;
+      next_slot_ = slots_ - begin < most ? slots_ : begin + most;
+      add_listed(s.map, s.stored, next_frame_, begin, next_slot_, true, s.faults);
+      most -= next_slot_ - begin;
+      if (next_slot_ < slots_) return true;
+    }
+    if (next_frame_ < local_) return true;
+    if (local_ > 0) hold_something(local_);
+    return false;
+  }
+  /// Between two calls of read() others may have moved keyframes: poses and positions are read anew then, so that all are of
+  /// one time.
+  template <class Policy>
+  void resume(const mapping_scope<Map, Policy>& s) {
+    if (frames_.read_poses(s.map)) read_positions(s.map, points_, positions_);
   }
   /// All keyframes that are connected with one through shared points are free, but for the origin.
-  /// The rest as gather(). O(observations of these keyframes).
+  /// The rest as choose() and read(). O(observations of these keyframes).
   template <class Policy>
   void gather_connected(const mapping_scope<Map, Policy>& s, keyframe anyone) {
     clear();
@@ -77,7 +100,7 @@ class adjustment_window {
       if (traits::alive(s.map, frames_[f])) add_points_of(s.map, s.stored, f, false, s.faults);
     hold_something(frames_.size());
   }
-  /// These keyframes are free, but for the origin. The rest as gather(); dead ones are passed over. O(observations of their
+  /// These keyframes are free, but for the origin. The rest as choose() and read(); dead ones are passed over. O(observations of their
   /// points).
   template <class Policy>
   void gather_these(const mapping_scope<Map, Policy>& s, span<const keyframe> keyframes) {
@@ -93,6 +116,7 @@ class adjustment_window {
     frames_.clear(), fixed_.clear(), keypoint_counts_.clear();
     point_numbers_.clear(), points_.clear(), positions_.clear();
     rows_frame_.clear(), rows_landmark_.clear(), rows_keypoint_.clear();
+    local_ = next_frame_ = next_slot_ = 0;
   }
 
   /// The keyframes, in the order of their numbers.
@@ -159,21 +183,35 @@ class adjustment_window {
   }
   /// \param hold  keyframes that come in with them are fixed; else only the origin is
   void add_points_of(const Map& map, const handle_table& stored, std::size_t f, bool hold, fault_sink faults) {
-    const auto add = [&](std::size_t, const point& p) { add_point(map, stored, p, hold, faults); };
+    add_listed(map, stored, f, 0, list_points_of(map, f), hold, faults);
+  }
+  /// \return how many slots of frame f add_listed() has to look at
+  std::size_t list_points_of(const Map& map, std::size_t f) {
+    const std::size_t keypoints = keypoint_count_of(map, frames_[f]);
     if constexpr (point_numbering<Map>::indexed) {
       // Most are placed: keyframes of a window share their points. A look into an array tells.
-      const std::size_t keypoints = keypoint_count_of(map, frames_[f]);
       unplaced_.resize(keypoints);
       std::size_t count = 0;
       for (std::size_t i = 0; i < keypoints; ++i) {
         const point p = unplaced_[count] = traits::point_at(map, frames_[f], i);
         count += p == point{} || point_numbers_.find(map, p) != id_table::none ? 0 : 1;
       }
-      for_each_ahead<point_data::entry + point_data::views>(
-          map, count, [&](std::size_t i) { return unplaced_[i]; }, add);
+      return count;
     } else {
-      for_each_slot_ahead<point_data::entry + point_data::views>(map, frames_[f], add);
+      return keypoints;
     }
+  }
+  /// Takes in the points of the listed slots [begin, end).
+  void add_listed(const Map& map, const handle_table& stored, std::size_t f, std::size_t begin, std::size_t end,
+                  bool hold, fault_sink faults) {
+    const auto at = [&](std::size_t i) {
+      if constexpr (point_numbering<Map>::indexed)
+        return unplaced_[begin + i];
+      else
+        return traits::point_at(map, frames_[f], begin + i);
+    };
+    for_each_ahead<point_data::entry + point_data::views>(
+        map, end - begin, at, [&](std::size_t, const point& p) { add_point(map, stored, p, hold, faults); });
   }
   /// Adds a point and all of its observations, unless it is there.
   void add_point(const Map& map, const handle_table& stored, point p, bool hold, fault_sink faults) {
@@ -204,10 +242,14 @@ class adjustment_window {
   /// Columns of the observations.
   plain_vector<std::int32_t> rows_frame_, rows_landmark_, rows_keypoint_;
   /// @}
+  std::size_t local_ = 0;       ///< frames whose points are read
+  std::size_t next_frame_ = 0;  ///< the first of them that is not read to its end
+  std::size_t next_slot_ = 0;   ///< of it, what is read next
 
  private:
   covisibility<Map> covisibility_;
-  list_of<point> unplaced_;
+  list_of<point> unplaced_;  ///< of the frame that is read: its points that are not in the window
+  std::size_t slots_ = 0;    ///< how many they are
 };
 
 TURBOMAP_END_NAMESPACE

@@ -57,10 +57,7 @@ class appearance_update {
     std::size_t updated = (*this)(s, changed, options);
     if (moved.empty()) return updated;
     options.descriptors = false;
-    {
-      const auto guard = s.guard();
-      gather(s, moved);
-    }
+    read(s, moved);
     updated += update(s, options);
     return updated;
   }
@@ -85,9 +82,8 @@ class appearance_update {
 
   /// Positions and observations of the points, and poses of all their observers.
   void snapshot(const scope& s, span<const point> points) {
-    const auto guard = s.guard();
     seen_.clear();
-    gather(s, points);
+    read(s, points);
   }
   /// Of the points [begin, end). \param most_views  of each point, the newest ones and the reference keyframe's
   /// \throws out_of_memory  their observers have no room in the store at a time; what update_appearance() throws
@@ -107,10 +103,16 @@ class appearance_update {
   }
   /// Writes what was computed last, of the points from `begin` on, to those that are alive yet.
   void commit(const scope& s, const appearance_options& options, std::size_t begin) {
-    const auto guard = s.guard();
-    for_each_ahead<point_data::entry + point_data::appearance>(
-        s.map, updated_.size(), [&](std::size_t i) { return points_[begin + i]; },
-        [&](std::size_t i, const point& p) { commit(s, options, i, p); });
+    std::size_t next = 0;
+    s.in_parts([] {}, [] {},
+               [&](std::size_t most) {
+                 const std::size_t first = next;
+                 next = updated_.size() - first < most ? updated_.size() : first + most;
+                 for_each_ahead<point_data::entry + point_data::appearance>(
+                     s.map, next - first, [&](std::size_t i) { return points_[begin + first + i]; },
+                     [&](std::size_t i, const point& p) { commit(s, options, first + i, p); });
+                 return next < updated_.size();
+               });
   }
 
  private:
@@ -215,12 +217,28 @@ class appearance_update {
     }
   }
 
-  /// Those of the points that have not been seen since the last snapshot().
+  /// Those of the points that have not been seen since the last snapshot(). If somebody has moved an observer between two parts,
+  /// poses and positions are read anew, so that all are of one time.
+  void read(const scope& s, span<const point> points) {
+    std::size_t next = 0;
+    s.in_parts(
+        [&] {
+          observers_.clear();
+          points_.clear(), positions_.clear(), observations_.clear(), references_.clear();
+          offsets_.assign(1, 0);
+        },
+        [&] {
+          if (observers_.read_poses(s.map)) read_positions(s.map, points_, positions_);
+        },
+        [&](std::size_t most) {
+          const std::size_t first = next;
+          next = points.size() - first < most ? points.size() : first + most;
+          gather(s, points.subspan(first, next - first));
+          return next < points.size();
+        });
+  }
   void gather(const scope& s, span<const point> points) {
     const Map& map = s.map;
-    observers_.clear();
-    points_.clear(), positions_.clear(), observations_.clear(), references_.clear();
-    offsets_.assign(1, 0);
     for_each_ahead<point_data::entry + point_data::views>(
         map, points.size(), [&](std::size_t i) { return points[i]; },
         [&](std::size_t, const point& p) {

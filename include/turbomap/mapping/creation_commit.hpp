@@ -63,12 +63,17 @@ void commit_points(Map& map, const new_points_view& points,
             "must not fall, and be at most the number of observations");
     before = at;
   }
+  plain_vector<std::uint8_t> alive(keyframes.size());
+  for (std::size_t n = 0; n < keyframes.size(); ++n) {
+    if (keyframes[n] == typename traits::keyframe{}) continue;
+    look_again(map, keyframes[n]);
+    alive[n] = traits::alive(map, keyframes[n]) ? 1 : 0;
+  }
   for (const point_observation& o : points.observations) {
     require(o.keyframe >= 0 && static_cast<std::size_t>(o.keyframe) < keyframes.size(), "observations[].keyframe",
             o.keyframe, "is not the number of a keyframe");
     const auto k = keyframes[static_cast<std::size_t>(o.keyframe)];
-    look_again(map, k);
-    if (!traits::alive(map, k)) continue;
+    if (alive[static_cast<std::size_t>(o.keyframe)] == 0) continue;
     require(o.keypoint >= 0 && static_cast<std::size_t>(o.keypoint) < keypoint_count_of(map, k),
             "observations[].keypoint", o.keypoint, "is not a keypoint of the keyframe");
     look_again(map, k, static_cast<std::size_t>(o.keypoint));
@@ -77,7 +82,7 @@ void commit_points(Map& map, const new_points_view& points,
   created.reserve(created.size() + count), due.reserve(due.size() + count);
   const auto possible = [&](const point_observation& o) {
     const auto k = keyframes[static_cast<std::size_t>(o.keyframe)];
-    return traits::alive(map, k) &&
+    return alive[static_cast<std::size_t>(o.keyframe)] != 0 &&
            traits::point_at(map, k, static_cast<std::size_t>(o.keypoint)) == typename traits::point{};
   };
   for (std::size_t i = 0; i < count; ++i) {

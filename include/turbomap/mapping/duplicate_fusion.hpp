@@ -66,11 +66,7 @@ class duplicate_fusion {
   fusion_summary pass(const scope& s, span<const keyframe> sources, span<const keyframe> targets,
                       const fusion_options& options) {
     if (options.mode == fusion_mode::serial_exact) return serial_pass(s, sources, targets, options);
-    {
-      const auto guard = s.guard();
-      snapshot_points(s, sources, options);
-      snapshot_targets(s, targets);
-    }
+    snapshot(s, sources, targets, options);
     compute_covariances(s, options);
     compute(s, all_cameras, options.search);
     return commit(s, options.commit);
@@ -93,7 +89,8 @@ class duplicate_fusion {
           const auto guard = s.guard();
           snapshot_.clear(options.covariances);
           for (const point& p : points) snapshot_.add_point(s.map, p, s.faults);
-          snapshot_targets(s, span<const keyframe>(&target, 1));
+          place_targets(s, span<const keyframe>(&target, 1));
+          snapshot_.note_observed(s.map, targets_, s.faults);
         }
         compute_covariances(s, options);
         compute(s, c, options.search);
@@ -109,18 +106,44 @@ class duplicate_fusion {
     return summary;
   }
 
+  /// Live targets with their poses, the live points of live sources, and which targets see them. Each point is read at once; if
+  /// somebody has moved a target between two parts, poses and positions are read anew, so that all are of one time.
+  void snapshot(const scope& s, span<const keyframe> sources, span<const keyframe> targets,
+                const fusion_options& options) {
+    std::size_t source = 0, slot = 0;
+    s.in_parts(
+        [&] {
+          snapshot_.clear(options.covariances);
+          place_targets(s, targets);
+        },
+        [&] {
+          if (targets_.read_poses(s.map)) snapshot_.read_positions(s.map);
+        },
+        [&](std::size_t most) {
+          const std::size_t known = snapshot_.points().size();
+          for (; source < sources.size() && most > 0; ++source, slot = 0) {
+            if (!traits::alive(s.map, sources[source])) continue;
+            const std::size_t slots = keypoint_count_of(s.map, sources[source]), begin = slot;
+            slot = slots - begin < most ? slots : begin + most;
+            snapshot_.add_points_of(s.map, sources[source], begin, slot, s.faults);
+            most -= slot - begin;
+            if (slot < slots) break;
+          }
+          snapshot_.note_observed(s.map, targets_, s.faults, known);
+          return source < sources.size();
+        });
+  }
   /// The live points of live keyframes. The caller holds the guard.
   void snapshot_points(const scope& s, span<const keyframe> sources, const fusion_options& options) {
     snapshot_.clear(options.covariances);
     for (const keyframe& k : sources)
       if (traits::alive(s.map, k)) snapshot_.add_points_of(s.map, k, s.faults);
   }
-  /// Live targets with their poses, and which of them see the points. The caller holds the guard.
-  void snapshot_targets(const scope& s, span<const keyframe> targets) {
+  /// Live targets with their poses. The caller holds the guard.
+  void place_targets(const scope& s, span<const keyframe> targets) {
     targets_.clear();
     for (const keyframe& k : targets)
       if (traits::alive(s.map, k)) targets_.place(s.map, k, s.stored, s.faults);
-    snapshot_.note_observed(s.map, targets_, s.faults);
   }
 
   /// Of a map that does not keep how well its points are known: from their views.

@@ -40,12 +40,30 @@ class duplicate_snapshot {
     points_.clear();
     positions_.clear(), normals_.clear(), min_distances_.clear(), max_distances_.clear(), descriptors_.clear();
     covariances_.clear();
+    observed_.clear();
   }
   /// Takes in the live points of a keyframe, in the order of its keypoints, each point once. `faults` is told of
   /// those that have no descriptor: they are left out. O(keypoints).
   void add_points_of(const Map& map, keyframe k, fault_sink faults = {}) {
-    for_each_slot_ahead<point_data::entry + point_data::appearance>(
-        map, k, [&](std::size_t, const point& p) { add_point(map, p, faults); });
+    add_points_of(map, k, 0, keypoint_count_of(map, k), faults);
+  }
+  /// The same of its keypoints [begin, end).
+  void add_points_of(const Map& map, keyframe k, std::size_t begin, std::size_t end, fault_sink faults) {
+    for_each_ahead<point_data::entry + point_data::appearance>(
+        map, end - begin, [&](std::size_t i) { return unseen_point_at(map, k, begin + i); },
+        [&](std::size_t, const point& p) { add_point(map, p, faults); });
+  }
+  /// What depends on where they are of the points that are alive, anew: somebody has moved keyframes since.
+  void read_positions(const Map& map) {
+    turbomap::read_positions(map, points_, positions_);
+    for (std::size_t p = 0; p < points_.size(); ++p) {
+      if (!traits::alive(map, points_[p])) continue;
+      normals_[p] = traits::normal(map, points_[p]);
+      min_distances_[p] = traits::min_distance(map, points_[p]);
+      max_distances_[p] = traits::max_distance(map, points_[p]);
+      if constexpr (detail::map_has_v<Map, detail::map_covariance_member>)
+        if (keeps_covariances_) covariances_[p] = traits::covariance(map, points_[p]);
+    }
   }
   /// Takes in one point if it is alive, the first time that it is named.
   void add_point(const Map& map, point p, fault_sink faults = {}) {
@@ -54,14 +72,15 @@ class duplicate_snapshot {
     if (seen_.place(map, p) == known) add(map, p, faults);
   }
   /// Notes which targets see the points already. `faults` is told of views by keypoints that the target does not have.
-  /// O(views of all points).
-  void note_observed(const Map& map, const keyframe_selection<Map>& targets, fault_sink faults = {}) {
-    observed_.clear();
+  /// \param first  it has been noted of the points before this one
+  /// O(views of these points).
+  void note_observed(const Map& map, const keyframe_selection<Map>& targets, fault_sink faults = {},
+                     std::size_t first = 0) {
     const auto each_view = [&](auto note_view) {
       for_each_ahead<point_data::entry + point_data::views>(
-          map, points_.size(), [&](std::size_t p) { return points_[p]; },
+          map, points_.size() - first, [&](std::size_t p) { return points_[first + p]; },
           [&](std::size_t p, const point& name) {
-            traits::for_each_observation(map, name, [&](keyframe k, std::size_t i) { note_view(k, i, p); });
+            traits::for_each_observation(map, name, [&](keyframe k, std::size_t i) { note_view(k, i, first + p); });
           });
     };
     if (targets.size() == 1)  // the way back: no table
@@ -118,6 +137,13 @@ class duplicate_snapshot {
     std::size_t target, camera, point;
   };
 
+  /// Or none: targets see mostly the same points, and nothing needs to be asked for of those that were taken in.
+  point unseen_point_at(const Map& map, keyframe k, std::size_t keypoint) const {
+    const point p = traits::point_at(map, k, keypoint);
+    if constexpr (point_numbering<Map>::indexed)  // a table is looked at once, by add_point()
+      if (!(p == point{}) && seen_.find(map, p) != point_numbering<Map>::none) return point{};
+    return p;
+  }
   void note(const Map& map, keyframe k, std::size_t keypoint, std::size_t target, std::size_t p, fault_sink faults) {
     if (keypoint >= keypoint_count_of(map, k))
       return faults({map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, points_[p]), keypoint});

@@ -9,6 +9,10 @@
 
 namespace turbomap {
 
+/// How many points a stage reads while it holds the guard once. Of a map whose points are seen by five to ten keyframes, one
+/// core of 2025 reads so many in less than 0.5 ms.
+constexpr int default_points_read_per_guard = 1024;
+
 /// How often, in all and at most at once the guard of a map was held, in milliseconds.
 struct guard_times {
   std::size_t count = 0;      ///< how often

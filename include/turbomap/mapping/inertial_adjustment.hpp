@@ -82,7 +82,7 @@ class inertial_adjustment {
       if (!summary.stale) summary = visual_(s, current, options);
       return summary;
     }
-    if (!compute(s, options, summary)) return summary;
+    if (summary.stale || !compute(s, options, summary)) return summary;
     commit(s, options, summary);
     return summary;
   }
@@ -92,24 +92,15 @@ class inertial_adjustment {
                 const inertial_adjustment_options& inertial, local_adjustment_summary& summary) {
     check(options);
     check(inertial);
-    const auto guard = s.guard();
-    commit_.clear();
-    window_.clear();
-    visual_.forget();  // its points may be gone by now
-    summary.stale = current == keyframe{} || !traits::alive(s.map, current);
-    is_inertial_ = summary.inertial = !summary.stale && inertial_traits<Map>::initialised(s.map);
-    if (summary.stale) summary.solve.end = adjustment_end::no_observations;
-    if (!summary.inertial) return;
-    s.stored.at(traits::id(s.map, current));  // throws when it is not there
-    const auto& T_bc = inertial_traits<Map>::T_bc(s.map);
-    check_pose("T_bc", T_bc);
-    factor_.T_bc = to_isometry<double>(normalised(T_bc));
-    factor_.gravity = inertial_traits<Map>::gravity(s.map);
-    require(detail::is_finite(factor_.gravity), "gravity", factor_.gravity.x, "must be finite");
-    used_ = is_strong(s.map, current, inertial) ? inertial.large : inertial.window;
-    used_.all_robust = used_.all_robust || !is_refined(s.map);
-    near_depth_ = inertial.near_depth;
-    window_.gather(s, current, used_, inertial);
+    s.in_parts([&] { choose(s, current, inertial, summary); },
+               [&] {
+                 if (!window_.moved(s)) return;
+                 summary.stale = true;
+                 summary.solve.end = adjustment_end::no_observations;
+                 window_.clear();
+               },
+               [&](std::size_t most) { return summary.inertial && !summary.stale && window_.read(s, most); });
+    if (!summary.inertial || summary.stale) return;
     for (const auto fixed : window_.fixed()) ++(fixed != 0 ? summary.fixed_keyframes : summary.free_keyframes);
     summary.inertial_edges = window_.joined();
     summary.points = window_.points().size();
@@ -161,6 +152,27 @@ class inertial_adjustment {
   }
 
  private:
+  /// The frames of the window. The caller holds the guard.
+  void choose(const scope& s, keyframe current, const inertial_adjustment_options& inertial,
+              local_adjustment_summary& summary) {
+    commit_.clear();
+    window_.clear();
+    visual_.forget();  // its points may be gone by now
+    summary.stale = current == keyframe{} || !traits::alive(s.map, current);
+    is_inertial_ = summary.inertial = !summary.stale && inertial_traits<Map>::initialised(s.map);
+    if (summary.stale) summary.solve.end = adjustment_end::no_observations;
+    if (!summary.inertial) return;
+    s.stored.at(traits::id(s.map, current));  // throws when it is not there
+    const auto& T_bc = inertial_traits<Map>::T_bc(s.map);
+    check_pose("T_bc", T_bc);
+    factor_.T_bc = to_isometry<double>(normalised(T_bc));
+    factor_.gravity = inertial_traits<Map>::gravity(s.map);
+    require(detail::is_finite(factor_.gravity), "gravity", factor_.gravity.x, "must be finite");
+    used_ = is_strong(s.map, current, inertial) ? inertial.large : inertial.window;
+    used_.all_robust = used_.all_robust || !is_refined(s.map);
+    near_depth_ = inertial.near_depth;
+    window_.choose(s, current, used_, inertial);
+  }
   /// Velocity and biases of a free frame.
   struct moving_frame {
     const inertial_window<Map>& window;

@@ -37,15 +37,15 @@ class inertial_window : public adjustment_window<Map> {
   using point = typename traits::point;
   /// @}
 
-  /// The caller holds the guard. \param current  alive and in the store
+  /// Chooses the frames that follow each other, and what joins them; read() adds the rest. The caller holds the guard, here and in
+  /// the next two. \param current  alive and in the store
   ///
   /// A motion that is not known, or cannot be used, is left out: the chain has a hole there. Frames that nothing inertial joins
   /// keep velocity and biases; where no fixed frame is before a hole's end, the biases of the first frame after it are held.
   /// \throws inconsistent_map  as adjustment_window, and a motion, velocity or bias that is not finite, or a motion of another
   ///         duration than the time between its keyframes; where the scope notes faults, these are passed over
-  /// O(observations of the points of the frames that move).
   template <class Policy>
-  void gather(const mapping_scope<Map, Policy>& s, keyframe current, const inertial_window_options& window,
+  void choose(const mapping_scope<Map, Policy>& s, keyframe current, const inertial_window_options& window,
               const inertial_adjustment_options& options) {
     clear();
     follow(s, current, static_cast<std::size_t>(window.keyframes));
@@ -58,20 +58,43 @@ class inertial_window : public adjustment_window<Map> {
       held_[chain_ - 1] |= turns ? inertial_frame::hold_centre : inertial_frame::hold_pose;
       if (!told) held_[chain_ - 1] |= inertial_frame::hold_biases;
     }
-    const std::size_t free = chain_ - (this->fixed_[chain_ - 1] != 0 ? 1 : 0);
-    for (std::size_t f = 0; f < free; ++f) {
-      const std::size_t keypoints = keypoint_count_of(s.map, this->frames_[f]);
-      for (std::size_t i = 0; i < keypoints; ++i) take_point(s, traits::point_at(s.map, this->frames_[f], i));
+    this->local_ = chain_ - (this->fixed_[chain_ - 1] != 0 ? 1 : 0);
+    most_observers_ = static_cast<std::size_t>(options.most_observers);
+  }
+  /// Reads the points of the frames that move, other observers of them, and their observations: the next `most` slots or points.
+  /// \return whether some are left
+  /// \throws inconsistent_map  as adjustment_window::read()
+  /// In all O(observations of the points of the frames that move).
+  template <class Policy>
+  bool read(const mapping_scope<Map, Policy>& s, std::size_t most) {
+    for (; this->next_frame_ < this->local_; ++this->next_frame_, this->next_slot_ = 0) {
+      const keyframe k = this->frames_[this->next_frame_];
+      const std::size_t keypoints = traits::alive(s.map, k) ? keypoint_count_of(s.map, k) : 0;
+      for (; this->next_slot_ < keypoints; ++this->next_slot_, --most) {
+        if (most == 0) return true;
+        take_point(s, traits::point_at(s.map, k, this->next_slot_));
+      }
     }
-    std::size_t observers = 0;
-    for (const point& p : this->points_)
-      if (observers < static_cast<std::size_t>(options.most_observers)) observers += take_observer(s, p);
-    for (std::size_t l = 0; l < this->points_.size(); ++l) take_rows(s, l);
+    for (; next_observed_ < this->points_.size() && observers_ < most_observers_; ++next_observed_, --most) {
+      if (most == 0) return true;
+      observers_ += take_observer(s, this->points_[next_observed_]);
+    }
+    for (; next_landmark_ < this->points_.size(); ++next_landmark_, --most) {
+      if (most == 0) return true;
+      take_rows(s, next_landmark_);
+    }
     const rigid_transform<double>* T_cw = this->frames_.T_cw().begin();
     for (std::size_t f = chain_; f < this->frames_.size(); ++f) {
       states_.push_back({T_cw[f], {}, {}});
       held_.push_back(inertial_frame::visual_only);
     }
+    return false;
+  }
+  /// Whether somebody has moved a keyframe of the window since it was read: velocities and gravity may be others too, so the
+  /// window is of no use.
+  template <class Policy>
+  bool moved(const mapping_scope<Map, Policy>& s) {
+    return this->frames_.read_poses(s.map);
   }
   /// Nothing is in the window; the memory stays.
   void clear() {
@@ -79,6 +102,7 @@ class inertial_window : public adjustment_window<Map> {
     states_.clear(), held_.clear(), usable_.clear();
     edges_.clear();
     chain_ = joined_ = 0, begins_ = false;
+    observers_ = next_observed_ = next_landmark_ = 0;
   }
 
   std::size_t chain() const { return chain_; }    ///< frames that follow each other in time, the current one first
@@ -155,6 +179,7 @@ class inertial_window : public adjustment_window<Map> {
   template <class Policy>
   std::size_t take_observer(const mapping_scope<Map, Policy>& s, point p) {
     const std::size_t before = this->frames_.size();
+    if (!traits::alive(s.map, p)) return 0;  // erased between two calls
     traits::for_each_observation(s.map, p, [&](keyframe k, std::size_t) {
       if (this->frames_.size() == before && this->frames_.find(s.map, k) == id_table::none && s.can_use(k))
         this->add_frame(s.map, s.stored, k, true, s.faults);
@@ -164,6 +189,7 @@ class inertial_window : public adjustment_window<Map> {
   /// The views of point l from the frames.
   template <class Policy>
   void take_rows(const mapping_scope<Map, Policy>& s, std::size_t l) {
+    if (!traits::alive(s.map, this->points_[l])) return;
     traits::for_each_observation(s.map, this->points_[l], [&](keyframe k, std::size_t keypoint) {
       const std::size_t f = this->frames_.find(s.map, k);
       if (f != id_table::none) this->add_row(s.map, f, l, keypoint, s.faults);
@@ -171,8 +197,10 @@ class inertial_window : public adjustment_window<Map> {
   }
 
   std::size_t chain_ = 0, joined_ = 0;
-  bool begins_ = false;                ///< the map, with the last of the chain
-  plain_vector<std::uint8_t> usable_;  ///< by frame of the chain: its velocity and bias are finite
+  std::size_t most_observers_ = 0, observers_ = 0;     ///< fixed frames that see its points: wanted, found
+  std::size_t next_observed_ = 0, next_landmark_ = 0;  ///< points whose observers, and whose rows, are read next
+  bool begins_ = false;                                ///< the map, with the last of the chain
+  plain_vector<std::uint8_t> usable_;                  ///< by frame of the chain: its velocity and bias are finite
   plain_vector<inertial_state<double>> states_;
   plain_vector<std::uint32_t> held_;
   inertial_edges edges_;

@@ -65,11 +65,15 @@ class local_adjustment {
   void snapshot(const scope& s, keyframe current, const local_adjustment_options& options,
                 local_adjustment_summary& summary) {
     check(options);
-    const auto guard = s.guard();
-    begin(summary, current == keyframe{} || !traits::alive(s.map, current));
-    if (summary.stale) return;
-    s.stored.at(traits::id(s.map, current));  // throws when it is not there
-    window_.gather(s, current, options.min_shared_points, options.second_min_shared_points, options.most_keyframes);
+    s.in_parts(
+        [&] {
+          begin(summary, current == keyframe{} || !traits::alive(s.map, current));
+          if (summary.stale) return;
+          s.stored.at(traits::id(s.map, current));  // throws when it is not there
+          window_.choose(s, current, options.min_shared_points, options.second_min_shared_points,
+                         options.most_keyframes);
+        },
+        [&] { window_.resume(s); }, [&](std::size_t most) { return window_.read(s, most); });
     count(summary);
   }
 

@@ -12,6 +12,7 @@
 
 #include "../config.hpp"
 #include "../map/map_traits.hpp"
+#include "../map/validate.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -30,6 +31,17 @@ void look_again([[maybe_unused]] const Map& map, [[maybe_unused]] const typename
                 [[maybe_unused]] std::size_t keypoint) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::look_again(map, keyframe, keypoint);
 }
+/// All of it, when it is next asked for: somebody has moved the map, and what was copied before would be of another time.
+template <class Map>
+void forget_copy([[maybe_unused]] const Map& map) {
+  if constexpr (is_copy_v<Map>) map_traits<Map>::forget_copy(map);
+}
+/// Whether a point is alive.
+template <class Map>
+void look_whether_alive([[maybe_unused]] const Map& map,
+                        [[maybe_unused]] const typename map_traits<Map>::point& point) {
+  if constexpr (is_copy_v<Map>) map_traits<Map>::look_whether_alive(map, point);
+}
 /// Whether a point is alive, and its position: what is quickly read.
 template <class Map>
 void look_at_position([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point) {
@@ -44,6 +56,17 @@ bool look_at_all([[maybe_unused]] const Map& map, [[maybe_unused]] const typenam
     return map_traits<Map>::look_at_all(map, keyframe, fewest);
   else
     return false;
+}
+
+/// Positions of points, read anew; those of dead points, and what is not finite, stay. \param positions  of each of them
+template <class Map, class Points, class Positions>
+void read_positions(const Map& map, const Points& points, Positions& positions) {
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    look_at_position(map, points[i]);
+    if (!map_traits<Map>::alive(map, points[i]) || !has_finite_position(map, points[i])) continue;
+    const auto& x = map_traits<Map>::position(map, points[i]);
+    positions[i] = {x.x, x.y, x.z};
+  }
 }
 
 TURBOMAP_END_NAMESPACE

@@ -132,10 +132,7 @@ class map_mirror {
       std::swap(all, all_changed_);
     }
     try {
-      if (all) {
-        for (std::size_t p = 1; p < points_.size(); ++p) points_[p].read = 0;
-        for (std::size_t k = 1; k < keyframes_.size(); ++k) keyframes_[k].read = 0;
-      }
+      if (all) forget_all();
       for (const user_point& p : points) forget(number(p));
       for (const user_keyframe& k : keyframes) read_again(number(k));
     } catch (...) {
@@ -182,6 +179,11 @@ class map_mirror {
   void removed(std::uint64_t id) {
     const std::int32_t k = keyframe_numbers_.find(id);
     if (k != id_numbers::none) lose_keyframe(static_cast<std::size_t>(k));
+  }
+  /// Everything is to be read anew when it is next asked for.
+  void forget_all() const {
+    for (std::size_t p = 1; p < points_.size(); ++p) points_[p].read = 0;
+    for (std::size_t k = 1; k < keyframes_.size(); ++k) keyframes_[k].read = 0;
   }
   /// Is to be read anew when it is next asked for.
   void forget(point p) const {

@@ -254,6 +254,13 @@ struct map_traits<map_mirror<Map>> {
     if (!user::alive(m.map(), name)) return m.lose_keyframe(m.at(k));
     m.read_slot(m.at(k), i, name);
   }
+  /// Everything is read again when it is next asked for.
+  static void forget_copy(const mirror& m) { m.forget_all(); }
+  /// Reads again whether a point is alive.
+  static void look_whether_alive(const mirror& m, point p) {
+    if (!m.known(p) || !m.point_places_.alive(p.index)) return;
+    if (!user::alive(m.map(), m.name(p))) m.read_point(m.at(p));
+  }
   /// Reads again whether a point is alive, and its position.
   static void look_at_position(const mirror& m, point p) {
     if (!m.known(p) || !m.point_places_.alive(p.index)) return;

@@ -35,18 +35,19 @@ map_point_culling_summary cull_recent_points(Map& map, List& recent, std::int64_
   plain_vector<std::uint8_t> failed(recent.size(), 0);
   for (std::size_t i = 0; i < recent.size(); ++i) {
     const auto& r = recent[i];
-    const auto fails = [&] {
+    const auto fails = [&]([[maybe_unused]] bool again) {
       if (!traits::alive(map, r.point)) return false;
-      if (!require_consistent(map, r.point, faults)) return false;  // before its views are looked at
+      // Before its views are looked at. A copy has no views that cannot be looked at: what is to be erased is looked at again.
+      if ((!is_copy_v<Map> || again) && !require_consistent(map, r.point, faults)) return false;
       float found_ratio = 1;
       if constexpr (detail::map_has_v<Map, detail::map_found_member>) found_ratio = traits::found_ratio(map, r.point);
       return fails_probation(found_ratio, measurement_count(map, r.point), now - r.since, options);
     };
-    look_at_position(map, r.point);
-    bool failing = fails();
+    look_whether_alive(map, r.point);
+    bool failing = fails(false);
     if (is_copy_v<Map> && failing) {
       look_again(map, r.point);
-      failing = fails();
+      failing = fails(true);
     }
     failed[i] = failing ? 1 : 0;
   }

@@ -13,11 +13,13 @@
 /// every keyframe.
 
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <utility>
 
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../error.hpp"
 #include "../map/map_fault.hpp"
 #include "../map/map_traits.hpp"
 #include "../math/rotation.hpp"
@@ -59,9 +61,30 @@ struct mapping_scope {
   guard_times& held;             ///< where the stage's guard times go
   /// What becomes of parts of the map that cannot be used. Default: the first one ends the stage.
   fault_sink faults = {};
+  /// local_mapper_options::points_read_per_guard.
+  int points_read_per_guard = default_points_read_per_guard;
 
   /// Holds the map's guard while it lives, and notes for how long.
   timed_guard<Map> guard() const { return timed_guard<Map>(map, held); }
+
+  /// Works on the map in parts, each under the guard, so that others may enter in between.
+  /// \param begin   begin() comes before the first part: what has to be read at once
+  /// \param resume  resume() comes before each other part: reads anew what the parts before rely on
+  /// \param part    part(most) works on so many items at most; false: it was the last one
+  template <class Begin, class Resume, class Part>
+  void in_parts(Begin begin, Resume resume, Part part) const {
+    require(points_read_per_guard >= 0, "points_read_per_guard", points_read_per_guard, "must not be negative");
+    const std::size_t most =
+        points_read_per_guard == 0 ? static_cast<std::size_t>(-1) : static_cast<std::size_t>(points_read_per_guard);
+    for (bool first = true, more = true; more; first = false) {
+      const auto held_now = guard();
+      if (first)
+        begin();
+      else
+        resume();
+      more = part(most);
+    }
+  }
 
   /// Whether a keyframe can be searched: it is alive, in the store, and has a pose. The caller holds the guard.
   bool can_use(typename map_traits<Map>::keyframe k) const {
