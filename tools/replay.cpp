@@ -159,9 +159,10 @@ int main(int argc, char** argv) try {
       ->check(CLI::NonNegativeNumber);
   std::string preset = "default";
   app.add_option("--preset", preset,
-                 "accurate: options for the most exact trajectory, --points uncertain, and unless others are given "
-                 "--global-adjustment end --global-rounds 3 (replay mode)")
-      ->check(CLI::IsMember({"default", "accurate"}));
+                 "balanced: options for a trajectory near the bound, --points uncertain, and unless another is given "
+                 "--global-adjustment end; accurate: the most exact one, and unless others are given --global-rounds 3 "
+                 "too (replay mode)")
+      ->check(CLI::IsMember({"default", "balanced", "accurate"}));
   std::string global;
   app.add_option("--global-adjustment", global,
                  "adjust all of the map together: 'end', after the last keyframe, or a number, after so many keyframes "
@@ -235,8 +236,8 @@ int main(int argc, char** argv) try {
   if (!stages.empty()) choose_stages(stages, a);
   a.queue = a.queue || rate->count() != 0;
   a.objects = map == "objects";
-  a.accurate = preset == "accurate";
-  if (a.accurate && global.empty()) global = "end";
+  a.balanced = preset == "balanced", a.accurate = preset == "accurate";
+  if ((a.balanced || a.accurate) && global.empty()) global = "end";
   if (a.accurate && rounds->count() == 0) a.global_rounds = 3;
   a.global_end = global == "end";
   if (!global.empty() && !a.global_end) a.global_every = std::stoi(global);
@@ -262,7 +263,7 @@ int main(int argc, char** argv) try {
     throw std::invalid_argument("--imu-noise: the replay is without an IMU");
   a.growth = a.growth || !a.growth_file.empty();
   a.projected = associate == "projected";
-  a.uncertain_tracking = points == "uncertain" || a.accurate, a.uncertain_fusion = fused == "uncertain";
+  a.uncertain_tracking = points == "uncertain" || a.balanced || a.accurate, a.uncertain_fusion = fused == "uncertain";
   if (a.recording.empty()) a.recording = demo_recording(argv[0]);
 
   if (a.beside == std::vector<std::string>{"all"}) a.beside = other_policies(a.policy);

@@ -54,6 +54,23 @@ TEST_CASE("accurate: links are looked for again, and scales that hang on few poi
   CHECK(o.adjustment.solve.min_relative_decrease == 1e-5);
 }
 
+TEST_CASE("balanced: the gates of accurate, one round, and more observers before a keyframe goes") {
+  const auto o = local_mapper_options::stereo(0.11, 4.4).balanced(), most = o.accurate();
+  CHECK(o.creation.mono_chi2 == most.creation.mono_chi2);
+  CHECK(o.fusion.search.stereo_chi2 == most.fusion.search.stereo_chi2);
+  CHECK(o.adjustment.outlier_factor == most.adjustment.outlier_factor);
+  CHECK(o.fusion.search.coarser_octaves == 1);
+  CHECK(o.neighbours.neighbourhood.temporal_neighbours == 10);
+  CHECK(o.covariances);
+  CHECK_FALSE(o.fusion.covariances);
+  CHECK(o.extra_rounds == 0);
+  CHECK(o.adjustment.solve.damping == turbomap::damping_rule::identity);
+  CHECK(o.enabled[mapping_stage::keyframe_culling]);
+  CHECK(o.keyframe_culling.observers == 8);
+  CHECK(o.keyframe_culling.max_depth == 4.4F);
+  CHECK(local_mapper_options::stereo(0.11, 4.4).accurate().keyframe_culling.observers == 3);
+}
+
 TEST_CASE("accurate: no keyframe is culled, and points are not taken as exact") {
   const auto o = local_mapper_options::monocular().accurate();
   for (std::size_t s = 0; s < turbomap::mapping_stages; ++s)

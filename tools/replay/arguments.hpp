@@ -54,6 +54,7 @@ struct arguments {
   std::string merges = "apart";        ///< merge_rule: refuse, apart or drop
   std::string numbers = "mixed";       ///< of adjustments: float64, mixed or float32
   double stereo_correlation = -1;      ///< of the errors of u and u_right; negative: correlation() knows
+  bool balanced = false;               ///< local_mapper_options::balanced()
   bool accurate = false;               ///< local_mapper_options::accurate()
   int known_octaves = -1;              ///< creation_options::known_octaves; negative: its default
   int second_shared = 0;               ///< local_adjustment_options::second_min_shared_points

@@ -81,6 +81,7 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording& 
            : meta.sensor == "monocular"
                ? turbomap::local_mapper_options::monocular(meta.pyramid())
                : turbomap::local_mapper_options::stereo(meta.baseline, meta.close_depth, meta.pyramid());
+  if (a.balanced) o = o.balanced();
   if (a.accurate) o = o.accurate();
   o.search.candidate_set = a.candidates == "grouped"      ? turbomap::candidates::grouped
                            : a.candidates == "exhaustive" ? turbomap::candidates::exhaustive

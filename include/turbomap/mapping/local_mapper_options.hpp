@@ -85,16 +85,15 @@ struct local_mapper_options {
     o.set_inertial();
     return o;
   }
-  /// These options changed for trajectories as exact as the observations allow:
-  /// `local_mapper_options::stereo(...).accurate()`. It keeps true observations that the defaults lose: gates let 99.9 % of
-  /// them pass instead of 95 %, octaves may be one off, fusion and adjustment are repeated since a wrong pose hides links, and
-  /// no keyframe is culled, so that time and memory grow with the map. For recordings with few wrong associations and pixel
-  /// errors of at most 1 px at octave 0. Meant to end with adjust_globally() and rounds of fuse_around(). What each part gains
-  /// and costs: docs/evaluation.md. Ours.
-  local_mapper_options accurate() const {
+  /// These options changed for trajectories near the bound at up to twice the time:
+  /// `local_mapper_options::stereo(...).balanced()`. It keeps true observations that the defaults lose: gates let 99.9 % of
+  /// them pass instead of 95 %, octaves may be one off, and a keyframe is redundant when more than 8 others see its points. The
+  /// map keeps covariances of its points, for tracking. For few wrong associations and pixel errors of at most 1 px at octave 0.
+  /// Meant to end with adjust_globally(). What each part gains and costs: docs/evaluation.md. Ours.
+  local_mapper_options balanced() const {
     constexpr double mono_chi2 = 13.816, stereo_chi2 = 16.266;  // 99.9 %, 2 and 3 dof
     local_mapper_options o = *this;
-    o.covariances = o.fusion.covariances = true;
+    o.covariances = true;
     int& predecessors = o.neighbours.neighbourhood.temporal_neighbours;
     if (predecessors < 10) predecessors = 10;  // where a camera turns away from all that it knows
     o.creation.mono_chi2 = o.fusion.search.mono_chi2 = mono_chi2;
@@ -104,12 +103,22 @@ struct local_mapper_options {
     o.fusion.search.radius = 4;
     o.fusion.search.finer_octaves = 2;  // a point's own octave and a keypoint's may each be one off
     o.fusion.search.coarser_octaves = 1;
+    o.adjustment.outlier_factor = mono_chi2 / o.adjustment.mono_chi2;  // of stereo, too: 18.02, which is 99.96 %
+    o.keyframe_culling.observers = 8;
+    return o;
+  }
+  /// The same for trajectories as exact as the observations allow. Beside what balanced() changes, fusion and adjustment are
+  /// repeated since a wrong pose hides links, and no keyframe is culled, so that time and memory grow with the map. Meant to
+  /// end with adjust_globally() and rounds of fuse_around(). Ours.
+  local_mapper_options accurate() const {
+    local_mapper_options o = balanced();
+    o.fusion.covariances = true;
     // A scale that hangs on few points is a direction of little curvature: lambda I holds it, and so do few steps.
     o.adjustment.solve.damping = damping_rule::diagonal;
     o.adjustment.solve.max_iterations = 20;
     o.adjustment.solve.min_relative_decrease = 1e-5;
     o.extra_rounds = 2;
-    o.adjustment.outlier_factor = mono_chi2 / o.adjustment.mono_chi2;  // of stereo, too: 18.02, which is 99.96 %
+    o.keyframe_culling = keyframe_culling;
     o.enabled[mapping_stage::keyframe_culling] = false;
     return o;
   }
