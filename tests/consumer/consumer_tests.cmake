@@ -10,5 +10,6 @@ foreach(mode IN ITEMS package subdirectory fetch)
     -D "CXX=${CMAKE_CXX_COMPILER}" -D "CUDA=${TURBOMAP_WITH_CUDA}" -D "NVCC=${CMAKE_CUDA_COMPILER}"
     -D "CUDA_ARCHITECTURES=${CMAKE_CUDA_ARCHITECTURES}" -D "PREFIX_PATH=${CMAKE_PREFIX_PATH}"
     -P "${CMAKE_CURRENT_LIST_DIR}/run.cmake")
-  set_tests_properties(${test} PROPERTIES TIMEOUT 600 LABELS consumer RUN_SERIAL ON)
+  # One core, beside other tests, and first: these take longest.
+  set_tests_properties(${test} PROPERTIES TIMEOUT 600 LABELS consumer COST 60 ENVIRONMENT CMAKE_BUILD_PARALLEL_LEVEL=1)
 endforeach()
