@@ -99,7 +99,7 @@ TEST_CASE("with room for a keyframe and its neighbours only, points are describe
 }
 
 TEST_CASE("a long run: the map does not grow, nothing is confused; from 3000 keyframes on, memory and time stay") {
-  check_long_run();
+  check_long_run(sequential_policy{});
 }
 
 }  // namespace
