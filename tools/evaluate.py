@@ -180,8 +180,6 @@ def run_all(args, made, names):
     stressed = names[:1] if args.quick else names
     for case in made:
         for policy in names:
-            if policy == "cuda" and "--imu" in case.options:
-                continue
             jobs += [(case, policy, f"run {n}", dict(run=f"run {n}", growth=True), []) for n in range(1, args.runs + 1)]
         if not args.quick or not (case.command or case.options):
             for count in threads if "omp" in names else ():
