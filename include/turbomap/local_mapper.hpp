@@ -6,73 +6,35 @@
 /// The loop of local mapping over the stages of this library, on the user's own map [TurboMap Fig. 3]. A SLAM system hands it
 /// keyframes; it finds new map points, fuses duplicate ones, adjusts poses and points, and takes out what is redundant. It
 /// does nothing that a user who calls the stages themselves could not do. Longer than other headers, so that the whole loop
-/// can be read in one place.
+/// can be read in one place: begin at process(), which names the stages in their order.
 
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <type_traits>
 #include <utility>
 
 #include "config.hpp"
 #include "context.hpp"
-#include "map/neighbourhood.hpp"
 #include "mapping/due_appearances.hpp"
-#include "mapping/duplicate_fusion.hpp"
-#include "mapping/global_adjustment.hpp"
 #include "mapping/keyframe_culling.hpp"
-#include "mapping/local_adjustment.hpp"
+#include "mapping/local_mapper_check.hpp"
 #include "mapping/local_mapper_hooks.hpp"
 #include "mapping/local_mapper_options.hpp"
 #include "mapping/map_point_creation.hpp"
+#include "mapping/mapper_adjustment.hpp"
+#include "mapping/mapping_progress.hpp"
+#include "mapping/named_points.hpp"
 #include "mapping/neighbour_search.hpp"
+#include "mapping/neighbourhood_fusion.hpp"
 #include "mapping/point_culling.hpp"
 #include "mapping/refused_mapper.hpp"
 #include "mapping/stage.hpp"
-#include "mapping/time_budget.hpp"
+#include "mapping/stored_keyframes.hpp"
 #include "mapping/working_map.hpp"
 #include "named_range.hpp"
 #include "plain_vector.hpp"
-#include "store/argument_checks.hpp"
-
-namespace turbomap {
-
-/// The adjustment of a local_mapper that compiles no solver. The stage then runs only if there is a hook `adjust`.
-struct no_adjustment {};
-
-}  // namespace turbomap
 
 TURBOMAP_BEGIN_NAMESPACE
-
-/// What a local_mapper adjusts with by default: local_adjustment, if the traits of the map can write poses and positions.
-template <class Map, class Policy>
-using default_adjustment = std::conditional_t<!has_map_traits_v<Map>, detail::refused_traits,
-                                              std::conditional_t<detail::map_has_v<Map, detail::map_adjust_member>,
-                                                                 local_adjustment<Map, Policy>, no_adjustment>>;
-
-namespace detail {
-/// The user's adjustment, on the map that stages work on.
-template <class Adjustment, class Map>
-struct adjustment_on {
-  using type = Adjustment;
-};
-template <class User, class Policy, class Methods, class Map>
-struct adjustment_on<local_adjustment<User, Policy, Methods>, Map> {
-  using type = local_adjustment<Map, Policy, Methods>;
-};
-/// Whether an adjustment uses the IMU of the map, as inertial_adjustment: the mapper is in inertial mode then.
-template <class Adjustment, class = void>
-struct is_inertial : std::false_type {};
-template <class Adjustment>
-struct is_inertial<Adjustment, std::enable_if_t<Adjustment::inertial>> : std::true_type {};
-/// With the same solvers.
-template <class Adjustment, class Map>
-struct global_on;
-template <template <class, class, class> class Adjustment, class User, class Policy, class Methods, class Map>
-struct global_on<Adjustment<User, Policy, Methods>, Map> {
-  using type = global_adjustment<Map, Policy, Methods>;
-};
-}  // namespace detail
 
 /// Local mapping: hand it keyframes, one after the other. One thread; tracking and loop closing may use the map meanwhile
 /// under the same guard (map_traits::guard), which is held to copy what a search reads and to apply what it found, never
@@ -100,7 +62,7 @@ class local_mapper {
       : ctx_(ctx),
         map_(map),
         working_(map),
-        store_(store),
+        stored_(map, store),
         options_(options),
         hooks_(std::move(hooks)),
         search_(ctx),
@@ -111,15 +73,7 @@ class local_mapper {
     static_assert(require_map_traits<Map>());
     static_assert(!inertial || !is_mirrored_v<Map>,
                   "turbomap: a map that is mirrored cannot be adjusted with its IMU yet; see docs/inertial.md");
-    require(options.deadline_ms >= 0, "options.deadline_ms", options.deadline_ms, "must not be negative");
-    require(options.checked_share >= 0, "options.checked_share", options.checked_share, "must not be negative");
-    require(options.points_read_per_guard >= 0, "options.points_read_per_guard", options.points_read_per_guard,
-            "must not be negative");
-    require(options.extra_rounds >= 0, "options.extra_rounds", options.extra_rounds, "must not be negative");
-    require(options.most_views >= 0, "options.most_views", options.most_views, "must not be negative");
-    require(options.neighbours.stereo_baseline >= 0, "options.neighbours.stereo_baseline",
-            options.neighbours.stereo_baseline, "must not be negative");
-    check(options.keyframe_culling);
+    check(options);
   }
 
   /// Takes the immutable part of a keyframe into the store: from keyframe_data, or from the user's own type through
@@ -128,39 +82,28 @@ class local_mapper {
   /// the map, is in the store already, has a pose that is not one (is_pose), or another number of keypoints than the data.
   template <class Data>
   void insert(keyframe k, const Data& data) {
-    const std::uint64_t id = checked_id(k, count_in(data));
-    require(!stored_.contains(id), "keyframe id", id, "is in the store already");
-    const keyframe_handle handle = store_.insert(data);
-    try {
-      stored_.add(id, handle);
-    } catch (...) {
-      store_.erase(handle);
-      throw;
-    }
+    stored_.insert(k, data);
   }
   /// For a keyframe that another part of the system takes out of the map, or whose store was cleared.
   /// Throws std::invalid_argument when it was not inserted, or has been removed.
   void remove(std::uint64_t id) {
-    erase_from_store(stored_.at(id));
-    stored_.erase(id);
+    stored_.remove(id);
     working_.removed(id);
   }
   /// For a system that starts anew: all that was inserted leaves the store, and nothing is remembered of the map, which may have
   /// been emptied before, ids and all. Options, hooks and the memory that stages work in stay. Not within a hook.
   void reset() {
     require_idle("reset");
-    stored_.for_each_handle([this](keyframe_handle handle) { erase_from_store(handle); });
     stored_.clear();
     working_.reset();
-    probation_.clear(), due_.clear(), fusion_.begin();
-    keyframes_.clear(), points_.clear(), numbers_.clear();
+    probation_.clear(), due_.clear(), fusion_.clear(), points_.clear();
     watched_.clear(), moved_.clear(), changed_.clear();
-    budget_ = {}, report_ = {}, iteration_ = 0;
+    progress_ = {}, report_ = {}, iteration_ = 0;
   }
   /// Puts points that tracking made on probation.
   void watch(span<const point> points) {
     if constexpr (is_mirrored_v<Map>)
-      append(points, watched_);
+      watched_.add(points);
     else
       probation_.watch(points, iteration_);
   }
@@ -181,14 +124,12 @@ class local_mapper {
   const mapping_report& process(keyframe current) {
     const named_range range("keyframe");
     report_ = {};
-    stopped_ = has_pose_ = false;
-    budget_.start(options_.deadline_ms);
+    has_pose_ = false;
+    progress_.start(options_.deadline_ms);
     require(!(current == keyframe{}), "keyframe", "none", "is not a keyframe of the map");
     {
       const auto guard = scope_of(mapping_stage::process).guard();
-      require(traits::alive(map_, current), "keyframe", "dead", "is not in the map, or no longer");
-      const std::uint64_t id = traits::id(map_, current);
-      stored_.at(id);  // throws when it is not there
+      const std::uint64_t id = stored_.require_stored(current);
       has_pose_ = is_pose(pose_of(map_, current));
       if (!has_pose_) faults()({map_fault::bad_pose, id, 0, 0});
     }
@@ -204,7 +145,7 @@ class local_mapper {
     stage(mapping_stage::keyframe_culling, k, &local_mapper::cull);
     search_.release();
     update_due(due_stage());
-    report_.total_ms = budget_.elapsed_ms();
+    report_.total_ms = progress_.elapsed_ms();
     ++iteration_;
     return report_;
   }
@@ -249,16 +190,16 @@ class local_mapper {
     stage_keyframe current;
     {
       const auto guard = s.guard();
-      require(traits::alive(map_, k), "keyframe", "dead", "is not in the map, or no longer");
-      stored_.at(traits::id(map_, k));  // throws when it is not there
+      stored_.require_stored(k);
       working_.begin();
       current = working_.number(k);
       if (!s.can_use(current)) return {};
     }
-    budget_.start(0);  // that of the last process() has run out
+    progress_.start(0);  // the deadline of the last process() has passed
     fusion_summary found;
-    std::size_t targets = 0;
-    fuse_into(found, targets, current, s);
+    fusion_.choose_targets(s, current, options_.neighbours.neighbourhood, progress_);
+    fusion_.fuse(s, current, fusion(), progress_, found);
+    due_.changed(fusion_.touched());
     report_.fused += found;
     update_due(mapping_stage::fusion);
     return found;
@@ -268,7 +209,7 @@ class local_mapper {
   /// adjust_globally() and fuse_around() they are computed at its end, with all that is due by then, otherwise at once.
   void update_geometry(span<const point> points) {
     if constexpr (is_mirrored_v<Map>)
-      append(points, moved_);
+      moved_.add(points);
     else
       due_.moved(points);
     if (!processing_) update_due(mapping_stage::adjustment);
@@ -276,7 +217,7 @@ class local_mapper {
   /// Descriptors, normals and distance ranges of points whose observations were changed: likewise.
   void update_appearance(span<const point> points) {
     if constexpr (is_mirrored_v<Map>)
-      append(points, changed_);
+      changed_.add(points);
     else
       due_.changed(points);
     if (!processing_) update_due(mapping_stage::adjustment);
@@ -291,11 +232,9 @@ class local_mapper {
   /// The last correspondence search.
   const neighbour_search<stage_map, Policy>& last_search() const { return search_; }
   /// Which keyframes are in the store.
-  const handle_table& stored() const { return stored_; }
+  const handle_table& stored() const { return stored_.handles(); }
 
  private:
-  enum piece : std::size_t { search_a_neighbour, create_all, fuse_a_target, fuse_back, cull_a_keyframe, pieces };
-
   /// While process(), adjust_globally() or fuse_around() runs. At its end, also with an exception, no keyframe stays pinned.
   struct in_progress {
     explicit in_progress(local_mapper& mapper) : mapper_(mapper) { mapper.processing_ = true; }
@@ -316,48 +255,23 @@ class local_mapper {
   using stage_function = void (local_mapper::*)(stage_keyframe, const scope&);
   static constexpr bool adjusts = !std::is_same_v<Adjustment, no_adjustment>;
   static constexpr bool inertial = detail::is_inertial<Adjustment>::value;
-  struct absent_adjustment {
-    explicit absent_adjustment(context<Policy>&) {}
-  };
 
-  /// \throws std::invalid_argument  the keyframe is none, not in the map, or cannot be used there
-  std::uint64_t checked_id(keyframe k, std::size_t keypoints) {
-    require(!(k == keyframe{}), "keyframe", "none", "is not a keyframe of the map");
-    [[maybe_unused]] const auto guard = map_guard(map_);
-    require(traits::alive(map_, k), "keyframe", "dead", "is not in the map, or no longer");
-    check_pose("keyframe", pose_of(map_, k));
-    require(keypoints == keypoint_count_of(map_, k), "keypoint_count", keypoints,
-            "is not that of the keyframe in the map");
-    return traits::id(map_, k);
-  }
-  static std::size_t count_in(const keyframe_data<descriptor, camera>& data) {
-    return data.keypoint_count < 0 ? 0 : static_cast<std::size_t>(data.keypoint_count);
-  }
-  template <class Data>
-  static std::size_t count_in([[maybe_unused]] const Data& data) {
-    static_assert(require_keyframe_traits<Data>());
-    if constexpr (has_keyframe_traits_v<Data>)
-      return keyframe_traits<Data>::keypoint_count(data);
-    else
-      return 0;
-  }
   void require_idle(const char* call) const {
     require(!processing_, call, "in a hook", "must wait until the call that runs has ended");
   }
-  /// keyframe_store::clear() may have taken it out before.
-  void erase_from_store(keyframe_handle handle) {
-    if (store_.contains(handle)) store_.erase(handle);
-  }
   fault_sink faults() { return options_.strict ? fault_sink() : fault_sink(report_.refused); }
   scope scope_of(mapping_stage s) {
-    return {ctx_, working_.get(), store_, stored_, report_.held[s], faults(), options_.points_read_per_guard};
+    return {ctx_,
+            working_.get(),
+            stored_.store(),
+            stored_.handles(),
+            report_.held[s],
+            faults(),
+            options_.points_read_per_guard};
   }
   /// Whether a stage reads the pose of the keyframe that is processed.
   static bool needs_pose(mapping_stage s) { return s >= mapping_stage::search && s <= mapping_stage::adjustment; }
 
-  static void append(span<const point> points, list_of<point>& list) {
-    for (const point& p : points) list.push_back(p);
-  }
   /// What stages call the keyframe. A mirror hears what was reported, and reads the keyframe anew when a stage asks for it.
   stage_keyframe read_mirror(const keyframe& current) {
     if constexpr (!is_mirrored_v<Map>) {
@@ -368,33 +282,17 @@ class local_mapper {
       const stage_keyframe k = working_.number(current);
       working_.take_associations(k);
       report_.healed = working_.check_sample(options_.checked_share);  // what tracking need not report is known by now
-      numbered(watched_);
-      probation_.watch(numbers_, iteration_);
+      probation_.watch(watched_.take(working_), iteration_);
       return k;
     }
   }
-  /// The points of a list as stages call them, in numbers_; the list is empty then. The caller holds the guard.
-  void numbered(list_of<point>& list) {
-    numbers_.clear();
-    for (const point& p : list) numbers_.push_back(working_.number(p));
-    list.clear();
-  }
-  /// What was given to update_geometry() and update_appearance() is due.
-  void take_reported() {
-    if (moved_.empty() && changed_.empty()) return;
-    const auto guard = scope_of(mapping_stage::adjustment).guard();
-    numbered(moved_);
-    for (const stage_point& p : numbers_) working_.forget(p);
-    due_.moved(numbers_);
-    numbered(changed_);
-    for (const stage_point& p : numbers_) working_.forget(p);
-    due_.changed(numbers_);
-  }
+
+  // ---- running a stage ----
 
   void stage(mapping_stage s, stage_keyframe current, stage_function run) {
     stage_outcome& outcome = report_.outcome[s];
     if (!options_.enabled[s] || (s == mapping_stage::adjustment && !adjusts && !hooks_.adjust)) return;
-    if (must_skip(s)) {
+    if (progress_.must_skip(s, hooks_)) {
       outcome = stage_outcome::skipped;
       return;
     }
@@ -404,26 +302,90 @@ class local_mapper {
     }
     run_stage(s, current, run);
   }
-  bool must_skip(mapping_stage s) {
-    const bool waits = s >= mapping_stage::fusion && hooks_.keyframes_wait && hooks_.keyframes_wait();
-    stopped_ = stopped_ || (hooks_.stop && hooks_.stop());
-    return waits || stopped_;
-  }
   void run_stage(mapping_stage s, stage_keyframe current, stage_function run) {
-    const named_range range(to_string(s));
-    const double begin = budget_.elapsed_ms();
-    cut_ = false;
-    (this->*run)(current, scope_of(s));
-    report_.outcome[s] = cut_ ? stage_outcome::cut : stage_outcome::done;
-    report_.cut = report_.cut || cut_;
-    report_.ms[s] += budget_.elapsed_ms() - begin;
-    if (hooks_.stage_done) hooks_.stage_done(s, report_);
+    progress_.run(s, report_, hooks_, [&] { (this->*run)(current, scope_of(s)); });
   }
 
-  /// Until the deadline; infinity where there is none.
-  double left_ms() const {
-    return options_.deadline_ms > 0 ? options_.deadline_ms - budget_.elapsed_ms()
-                                    : std::numeric_limits<double>::infinity();
+  // ---- the stages, in their order ----
+
+  void update_associated(stage_keyframe current, const scope& s) {
+    points_.clear();
+    {
+      const auto guard = s.guard();
+      for (std::size_t i = 0; i < keypoint_count_of(s.map, current); ++i)
+        points_.push_back(stage_traits::point_at(s.map, current, i));
+    }
+    due_.changed(points_);
+    report_.points_updated += due_.update(s, appearance());
+  }
+
+  void cull_points(stage_keyframe, const scope& s) {
+    report_.points_culled = probation_(s, iteration_, options_.point_culling).dropped;
+  }
+
+  void search(stage_keyframe current, const scope& s) {
+    const bool shortened = search_.snapshot(s, current, options_.neighbours, [this](std::size_t n) {
+      return progress_.fitting(mapping_piece::search_neighbour, n);
+    });
+    if (shortened) progress_.cut(mapping_piece::search_neighbour);
+    if (search_.selection().size() == 0) return progress_.stop();  // erased meanwhile: nothing is left to do for it
+    report_.neighbours = search_.neighbour_count();
+    search_options options = options_.search;
+    if (options_.creation.rule == creation_rule::tracks)
+      options.across_rig = options.across_rig || options_.neighbours.across_rig;
+    progress_.timed(mapping_piece::search_neighbour, static_cast<double>(report_.neighbours),
+                    [&] { search_.compute(s, options); });
+    if (search_.stopped()) progress_.cut();
+  }
+
+  void create(stage_keyframe, const scope& s) {
+    const stage_outcome searched = report_.outcome[mapping_stage::search];
+    if (searched != stage_outcome::done && searched != stage_outcome::cut) return;
+    if (!progress_.fits(mapping_piece::create_points)) return progress_.cut(mapping_piece::create_points);
+    progress_.timed(mapping_piece::create_points, 1, [&] {
+      const auto& created = creation_(s, search_, options_.creation, appearance());
+      report_.matches = creation_.matches();
+      report_.creation = creation_.summary();
+      report_.points_created = created.size();
+      report_.points_updated += created.size();
+      due_.changed(creation_.due());
+      if (!due_.empty()) report_.points_updated += due_.update(s, appearance());  // fusion reads it
+      probation_.watch(created, iteration_);
+    });
+  }
+
+  fusion_options fusion() const {
+    fusion_options options = options_.fusion;
+    options.stereo_correlation = options_.adjustment.stereo_correlation;
+    return options;
+  }
+  void fuse(stage_keyframe current, const scope& s) {
+    report_.fusion_targets = fusion_.choose_targets(s, current, options_.neighbours.neighbourhood, progress_);
+    fusion_.fuse(s, current, fusion(), progress_, report_.fused);
+    due_.changed(fusion_.touched());
+  }
+
+  void adjust(stage_keyframe current, const scope& s) {
+    const double left = progress_.left_ms();
+    if (!(left > 0)) {
+      progress_.cut();
+    } else if (hooks_.adjust) {
+      hooks_.adjust(map_, working_.name(current), left);
+      working_.forget_poses();
+    } else if constexpr (adjusts) {
+      local_adjustment_options options = options_.adjustment;
+      const double limit = options.solve.time_budget_ms;
+      if (options_.deadline_ms > 0 && !(limit > 0 && limit < left)) options.solve.time_budget_ms = left;
+      const std::size_t outliers = report_.adjustment.outliers, points_erased = report_.adjustment.points_erased;
+      if constexpr (inertial)
+        report_.adjustment = adjustment_(s, current, options, options_.inertial);
+      else
+        report_.adjustment = adjustment_(s, current, options);
+      report_.adjustment.outliers += outliers;
+      report_.adjustment.points_erased += points_erased;
+      due_.moved(adjustment_.points());
+      due_.changed(adjustment_.points_that_lost_views());
+    }
   }
 
   /// Adjustment has moved the keyframe: links that its pose hid are found now, and move it on. A round for which no time is
@@ -432,28 +394,52 @@ class local_mapper {
     const auto is_done = [&](mapping_stage s) { return report_.outcome[s] == stage_outcome::done; };
     for (int round = 0; round < options_.extra_rounds; ++round) {
       if (!is_done(mapping_stage::fusion) || !is_done(mapping_stage::adjustment)) return;
-      if (must_skip(mapping_stage::fusion)) return;
-      if (!budget_.fits(fuse_a_target, static_cast<double>(report_.fusion_targets)) || !budget_.fits(fuse_back)) return;
+      if (progress_.must_skip(mapping_stage::fusion, hooks_)) return;
+      if (!progress_.fits(mapping_piece::fuse_target, static_cast<double>(report_.fusion_targets)) ||
+          !progress_.fits(mapping_piece::fuse_back))
+        return;
       update_due(mapping_stage::adjustment);  // fusion reads it
       const std::size_t links = report_.fused.observations_added + report_.fused.merged;
       run_stage(mapping_stage::fusion, current, &local_mapper::fuse);
       if (report_.fused.observations_added + report_.fused.merged == links) return;
-      if (must_skip(mapping_stage::adjustment) || !(left_ms() > 0)) return;
+      if (progress_.must_skip(mapping_stage::adjustment, hooks_) || !(progress_.left_ms() > 0)) return;
       run_stage(mapping_stage::adjustment, current, &local_mapper::adjust);
     }
   }
 
-  /// Runs a piece of work and notes what it took.
-  template <class Work>
-  void timed(piece p, double amount, Work work) {
-    const double begin = budget_.elapsed_ms();
-    work();
-    budget_.record(p, budget_.elapsed_ms() - begin, amount);
+  void cull(stage_keyframe current, const scope& s) {
+    keyframe_culling_options options = options_.keyframe_culling;
+    if constexpr (inertial) {
+      const auto guard = s.guard();
+      options.inertial_initialised = Adjustment::is_initialised(s.map);
+    }
+    for (const stage_keyframe& k :
+         culling_.snapshot(s, current, options_.neighbours.neighbourhood, options.most_candidates)) {
+      if (options.most_erased > 0 && report_.keyframes_culled.size() >= static_cast<std::size_t>(options.most_erased))
+        break;
+      if (!progress_.fits(mapping_piece::cull_keyframe)) {
+        progress_.cut(mapping_piece::cull_keyframe);
+        break;
+      }
+      progress_.timed(mapping_piece::cull_keyframe, 1, [&] {
+        report_.keyframes_culled.reserve(report_.keyframes_culled.size() + 1);
+        culling_.commit(
+            s, current, k, options,
+            [this](const stage_keyframe& redundant) {
+              if (hooks_.erasing) hooks_.erasing(working_.name(redundant));
+              if constexpr (inertial) Adjustment::erasing(working_.get(), redundant);
+            },
+            [this](std::uint64_t id) {
+              report_.keyframes_culled.push_back(id);
+              if (stored().contains(id)) remove(id);
+            });
+      });
+    }
+    due_.changed(culling_.touched());
   }
-  void cut(piece p) {
-    cut_ = true;
-    budget_.left_out(p);
-  }
+
+  // ---- appearances that are due ----
+
   appearance_options appearance() const {
     appearance_options options;
     options.scales = options_.fusion.search.scales;
@@ -474,162 +460,45 @@ class local_mapper {
   void update_due(mapping_stage s) {
     if (due_.empty() && moved_.empty() && changed_.empty()) return;
     const named_range range("appearances");
-    const double begin = budget_.elapsed_ms();
+    const double begin = progress_.elapsed_ms();
     take_reported();
     report_.points_updated += due_.update(scope_of(s), appearance());
-    report_.ms[s] += budget_.elapsed_ms() - begin;
+    report_.ms[s] += progress_.elapsed_ms() - begin;
   }
 
-  void update_associated(stage_keyframe current, const scope& s) {
-    points_.clear();
-    {
-      const auto guard = s.guard();
-      for (std::size_t i = 0; i < keypoint_count_of(s.map, current); ++i)
-        points_.push_back(stage_traits::point_at(s.map, current, i));
-    }
-    due_.changed(points_);
-    report_.points_updated += due_.update(s, appearance());
-  }
-
-  void cull_points(stage_keyframe, const scope& s) {
-    report_.points_culled = probation_(s, iteration_, options_.point_culling).dropped;
-  }
-
-  void search(stage_keyframe current, const scope& s) {
-    if (search_.snapshot(s, current, options_.neighbours,
-                         [this](std::size_t n) { return budget_.fitting(search_a_neighbour, n); }))
-      cut(search_a_neighbour);
-    stopped_ = search_.selection().size() == 0;  // erased meanwhile: nothing is left to do for it
-    if (stopped_) return;
-    report_.neighbours = search_.neighbour_count();
-    search_options options = options_.search;
-    if (options_.creation.rule == creation_rule::tracks)
-      options.across_rig = options.across_rig || options_.neighbours.across_rig;
-    timed(search_a_neighbour, static_cast<double>(report_.neighbours), [&] { search_.compute(s, options); });
-    cut_ = cut_ || search_.stopped();
-  }
-
-  void create(stage_keyframe, const scope& s) {
-    const stage_outcome searched = report_.outcome[mapping_stage::search];
-    if (searched != stage_outcome::done && searched != stage_outcome::cut) return;
-    if (!budget_.fits(create_all)) return cut(create_all);
-    timed(create_all, 1, [&] {
-      const auto& created = creation_(s, search_, options_.creation, appearance());
-      report_.matches = creation_.matches();
-      report_.creation = creation_.summary();
-      report_.points_created = created.size();
-      report_.points_updated += created.size();
-      due_.changed(creation_.due());
-      if (!due_.empty()) report_.points_updated += due_.update(s, appearance());  // fusion reads it
-      probation_.watch(created, iteration_);
-    });
-  }
-
-  void fuse(stage_keyframe current, const scope& s) { fuse_into(report_.fused, report_.fusion_targets, current, s); }
-  void fuse_into(fusion_summary& fused, std::size_t& target_count, stage_keyframe current, const scope& s) {
-    list_of<stage_keyframe>& targets = keyframes_;
-    {
-      const auto guard = s.guard();
-      targets = neighbourhood_.targets(s.map, current, options_.neighbours.neighbourhood,
-                                       [&](const stage_keyframe& k) { return s.can_use(k); });
-    }
-    const std::size_t fitting = budget_.fitting(fuse_a_target, targets.size());
-    if (fitting < targets.size()) cut(fuse_a_target);
-    targets.resize(fitting);
-    target_count = fitting;
-    fusion_.begin();
-    fusion_options options = options_.fusion;
-    options.stereo_correlation = options_.adjustment.stereo_correlation;
-    timed(fuse_a_target, static_cast<double>(fitting), [&] { fused += fusion_.forward(s, current, targets, options); });
-    if (!budget_.fits(fuse_back)) {
-      cut(fuse_back);
-    } else {
-      timed(fuse_back, 1, [&] { fused += fusion_.backward(s, current, targets, options); });
-    }
-    due_.changed(fusion_.touched());
-  }
-
-  void adjust(stage_keyframe current, const scope& s) {
-    const double left = left_ms();
-    if (!(left > 0)) {
-      cut_ = true;
-    } else if (hooks_.adjust) {
-      hooks_.adjust(map_, working_.name(current), left);
-      working_.forget_poses();
-    } else if constexpr (adjusts) {
-      local_adjustment_options options = options_.adjustment;
-      const double limit = options.solve.time_budget_ms;
-      if (options_.deadline_ms > 0 && !(limit > 0 && limit < left)) options.solve.time_budget_ms = left;
-      const std::size_t outliers = report_.adjustment.outliers, points_erased = report_.adjustment.points_erased;
-      if constexpr (inertial)
-        report_.adjustment = adjustment_(s, current, options, options_.inertial);
-      else
-        report_.adjustment = adjustment_(s, current, options);
-      report_.adjustment.outliers += outliers;
-      report_.adjustment.points_erased += points_erased;
-      due_.moved(adjustment_.points());
-      due_.changed(adjustment_.points_that_lost_views());
-    }
-  }
-
-  void cull(stage_keyframe current, const scope& s) {
-    keyframe_culling_options options = options_.keyframe_culling;
-    if constexpr (inertial) {
-      const auto guard = s.guard();
-      options.inertial_initialised = Adjustment::is_initialised(s.map);
-    }
-    for (const stage_keyframe& k :
-         culling_.snapshot(s, current, options_.neighbours.neighbourhood, options.most_candidates)) {
-      if (options.most_erased > 0 && report_.keyframes_culled.size() >= static_cast<std::size_t>(options.most_erased))
-        break;
-      if (!budget_.fits(cull_a_keyframe)) {
-        cut(cull_a_keyframe);
-        break;
-      }
-      timed(cull_a_keyframe, 1, [&] {
-        report_.keyframes_culled.reserve(report_.keyframes_culled.size() + 1);
-        culling_.commit(
-            s, current, k, options,
-            [this](const stage_keyframe& redundant) {
-              if (hooks_.erasing) hooks_.erasing(working_.name(redundant));
-              if constexpr (inertial) Adjustment::erasing(working_.get(), redundant);
-            },
-            [this](std::uint64_t id) {
-              report_.keyframes_culled.push_back(id);
-              if (stored_.contains(id)) remove(id);
-            });
-      });
-    }
-    due_.changed(culling_.touched());
+  /// What was given to update_geometry() and update_appearance() is due.
+  void take_reported() {
+    if (moved_.empty() && changed_.empty()) return;
+    const auto guard = scope_of(mapping_stage::adjustment).guard();
+    const auto moved = moved_.take(working_);
+    for (const stage_point& p : moved) working_.forget(p);
+    due_.moved(moved);
+    const auto changed = changed_.take(working_);
+    for (const stage_point& p : changed) working_.forget(p);
+    due_.changed(changed);
   }
 
   context<Policy>& ctx_;
   Map& map_;
   working_map<Map> working_;
-  store_type& store_;
+  stored_keyframes<Map, Policy> stored_;
   local_mapper_options options_;
   hooks_type hooks_;
-  handle_table stored_;
 
-  neighbourhood<stage_map> neighbourhood_;
   point_culling<stage_map, Policy> probation_;
   neighbour_search<stage_map, Policy> search_;
   map_point_creation<stage_map, Policy> creation_;
-  duplicate_fusion<stage_map, Policy> fusion_;
-  std::conditional_t<adjusts, typename detail::adjustment_on<Adjustment, stage_map>::type, absent_adjustment>
-      adjustment_;
+  neighbourhood_fusion<stage_map, Policy> fusion_;
+  typename detail::adjustment_on<Adjustment, stage_map>::type adjustment_;
   keyframe_culling<stage_map, Policy> culling_;
   due_appearances<stage_map, Policy> due_;
 
   std::int64_t iteration_ = 0;
-  time_budget<pieces> budget_;
+  mapping_progress progress_;
   mapping_report report_;
-  bool cut_ = false;
-  bool stopped_ = false;
   bool has_pose_ = false;  ///< the keyframe that is processed
-  list_of<stage_keyframe> keyframes_;
-  list_of<stage_point> points_, numbers_;
-  list_of<point> watched_, moved_, changed_;  ///< by the user, not numbered yet: of a map that is mirrored
+  list_of<stage_point> points_;
+  named_points<Map> watched_, moved_, changed_;  ///< by the user, of a map that is mirrored
   bool processing_ = false;
 };
 

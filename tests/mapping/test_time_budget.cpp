@@ -9,6 +9,7 @@
 #include <turbomap/mapping/time_budget.hpp>
 
 #include <cstddef>
+#include <limits>
 
 namespace {
 
@@ -23,6 +24,7 @@ TEST_CASE("without a deadline everything fits") {
     CHECK(budget.fits(0));
     CHECK(budget.fits(0, 1e6));
     CHECK(budget.fitting(0, 12) == 12);
+    CHECK(budget.left_ms() == std::numeric_limits<double>::infinity());
     CHECK(budget.elapsed_ms() >= 0);
   }
 }
@@ -30,6 +32,8 @@ TEST_CASE("without a deadline everything fits") {
 TEST_CASE("a piece that was never seen is tried while any time is left") {
   turbomap::time_budget<2> budget;
   budget.start(days);
+  CHECK(budget.left_ms() <= days);
+  CHECK(budget.left_ms() > days / 2);
   CHECK(budget.fits(1));
   CHECK(budget.fits(1, 1e9));
   CHECK(budget.fitting(1, 7) == 7);

@@ -28,9 +28,11 @@ class time_budget {
   bool fits(std::size_t piece, double amount = 1) const {
     return elapsed_ms() + expected_ms_[piece] * amount < deadline_ms_;
   }
+  /// Until the deadline; infinity where there is none.
+  double left_ms() const { return deadline_ms_ - elapsed_ms(); }
   /// How many units fit, at most `wanted`.
   std::size_t fitting(std::size_t piece, std::size_t wanted) const {
-    const double left = deadline_ms_ - elapsed_ms();
+    const double left = left_ms();
     if (!(left > 0)) return 0;
     if (!(expected_ms_[piece] > 0)) return wanted;
     const double n = left / expected_ms_[piece];

@@ -1,0 +1,27 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Which options a local_mapper refuses when it is made. Only its own are here: each stage checks its options when it is called.
+
+#include "../error.hpp"
+#include "local_mapper_options.hpp"
+
+namespace turbomap {
+
+/// Throws std::invalid_argument naming an option that makes no sense.
+inline void check(const local_mapper_options& options) {
+  const auto not_negative = [](const char* name, auto value) {
+    require(value >= 0, name, value, "must not be negative");
+  };
+  not_negative("options.deadline_ms", options.deadline_ms);
+  not_negative("options.checked_share", options.checked_share);
+  not_negative("options.points_read_per_guard", options.points_read_per_guard);
+  not_negative("options.extra_rounds", options.extra_rounds);
+  not_negative("options.most_views", options.most_views);
+  not_negative("options.neighbours.stereo_baseline", options.neighbours.stereo_baseline);
+  check(options.keyframe_culling);
+}
+
+}  // namespace turbomap

@@ -1,0 +1,68 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Fusion of duplicates between one keyframe and its neighbourhood, as far as there is time. First the points of the keyframe are
+/// searched in as many targets as fit before the deadline; then the points of these targets in the keyframe. The stage itself is
+/// duplicate_fusion.hpp.
+
+#include <cstddef>
+
+#include "../config.hpp"
+#include "../context.hpp"
+#include "../map/neighbourhood.hpp"
+#include "../plain_vector.hpp"
+#include "duplicate_fusion.hpp"
+#include "mapping_progress.hpp"
+#include "stage.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Call choose_targets(), then fuse(). Of one context.
+template <class Map, class Policy>
+class neighbourhood_fusion {
+ public:
+  using keyframe = typename map_traits<Map>::keyframe;  ///< the name of a keyframe.
+  using point = typename map_traits<Map>::point;        ///< the name of a map point.
+  using scope = mapping_scope<Map, Policy>;             ///< what a stage works on.
+
+  /// \param ctx  its resource gives the memory, and must outlive this
+  explicit neighbourhood_fusion(const context<Policy>& ctx) : fusion_(ctx) {}
+
+  /// Chooses keyframes that can be searched, as many as there is time for. \return how many
+  std::size_t choose_targets(const scope& s, const keyframe& current, const neighbourhood_options& options,
+                             mapping_progress& progress) {
+    {
+      const auto guard = s.guard();
+      targets_ = neighbourhood_.targets(s.map, current, options, [&](const keyframe& k) { return s.can_use(k); });
+    }
+    const std::size_t fitting = progress.fitting(mapping_piece::fuse_target, targets_.size());
+    if (fitting < targets_.size()) progress.cut(mapping_piece::fuse_target);
+    targets_.resize(fitting);
+    return fitting;
+  }
+  /// Searches and commits both ways. \param fused  grows by what is done, also where the second way throws
+  void fuse(const scope& s, const keyframe& current, const fusion_options& options, mapping_progress& progress,
+            fusion_summary& fused) {
+    fusion_.begin();
+    progress.timed(mapping_piece::fuse_target, static_cast<double>(targets_.size()),
+                   [&] { fused += fusion_.forward(s, current, targets_, options); });
+    if (!progress.fits(mapping_piece::fuse_back)) return progress.cut(mapping_piece::fuse_back);
+    progress.timed(mapping_piece::fuse_back, 1, [&] { fused += fusion_.backward(s, current, targets_, options); });
+  }
+  /// Points that gained observations in the last fuse(): their appearance is due.
+  const list_of<point>& touched() const { return fusion_.touched(); }
+  /// No name is kept.
+  void clear() {
+    fusion_.begin();
+    targets_.clear();
+  }
+
+ private:
+  neighbourhood<Map> neighbourhood_;
+  duplicate_fusion<Map, Policy> fusion_;
+  list_of<keyframe> targets_;
+};
+
+TURBOMAP_END_NAMESPACE
