@@ -1,0 +1,318 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// How a map_mirror reads the user's map: a keyframe or a point through map_traits when it is first asked for, and again when it was
+/// forgotten. Lists of points and slots of keyframes say the same thing twice; wherever one of them is read, the other is made to
+/// agree, or is read anew.
+
+#include <cstddef>
+#include <cstdint>
+
+#include "../config.hpp"
+#include "../map/map_edit.hpp"
+#include "../map/map_traits.hpp"
+#include "../plain_vector.hpp"
+#include "../types.hpp"
+#include "finest_octaves.hpp"
+#include "mirror_keyframes.hpp"
+#include "mirror_points.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// A map, and what was read of it. A place that a member is given is one that was taken (not checked).
+template <class Map>
+class map_copy {
+ public:
+  /// @{
+  /// Types of the user's map, as its traits name them; `keyframe` and `point` are the names of the copy.
+  using user_traits = map_traits<Map>;
+  using user_keyframe = typename user_traits::keyframe;
+  using user_point = typename user_traits::point;
+  using descriptor = typename user_traits::descriptor;
+  using keyframe = map_keyframe_id;
+  using point = map_point_id;
+  /// @}
+  static constexpr std::int32_t gone = 0;  ///< the place of what is not alive
+
+  /// Nothing is read. \param map  must outlive this
+  explicit map_copy(Map& map) : map_(map) {}
+
+  /// The user's map.
+  Map& map() const { return map_; }
+  /// The place of a name (not checked).
+  template <class Name>
+  static std::size_t at(const Name& name) {
+    return static_cast<std::size_t>(name.index);
+  }
+  /// The number of what is named, which need not be read for it.
+  keyframe number(const user_keyframe& name) {
+    if (name == user_keyframe{}) return {};
+    const std::int32_t known = keyframes.find(user_traits::id(map_, name));
+    if (known != id_numbers::none && keyframes.alive(known) && keyframes[static_cast<std::size_t>(known)].name == name)
+      return keyframes.at(known);
+    if (!user_traits::alive(map_, name)) return keyframes.at(gone);
+    return keyframes.at(keyframes.take(name, user_traits::id(map_, name)));
+  }
+  /// The same of a point; no name: none.
+  point number(const user_point& name) {
+    if (name == user_point{}) return {};
+    const std::uint64_t id = user_traits::id(map_, name);
+    const std::int32_t known = points.find(id);
+    if (known != id_numbers::none && points.alive(known) && points.names[static_cast<std::size_t>(known)] == name)
+      return points.at(known);
+    if (!user_traits::alive(map_, name)) return points.at(gone);
+    return points.at(points.take(name, id));
+  }
+  /// What the user calls a keyframe.
+  const user_keyframe& name(keyframe k) const { return keyframes[k.index < 0 ? gone : at(k)].name; }
+  /// What the user calls a point.
+  const user_point& name(point p) const { return points.names[p.index < 0 ? gone : at(p)]; }
+
+  // ---- read what is not here ----
+
+  /// Whether a keyframe is alive: it is read for it.
+  bool alive(keyframe k) {
+    if (!keyframes.known(k) || !keyframes.alive(k.index)) return false;
+    ensure(k);
+    return keyframes.alive(k.index);
+  }
+  /// Whether a point is alive: it is read for it.
+  bool alive(point p) {
+    if (!points.known(p) || !points.alive(p.index)) return false;
+    ensure(p);
+    return points.alive(p.index);
+  }
+  /// Slots and pose are here afterwards.
+  void ensure(keyframe k) {
+    if (keyframes[at(k)].read == 0) read_keyframe(at(k));
+  }
+  /// All of a point is here afterwards.
+  void ensure(point p) {
+    if (points.entries[at(p)].read == 0) read_point(at(p));
+  }
+  /// The pose.
+  const rigid_transform<double>& pose(keyframe k) {
+    ensure(k);
+    if (keyframes[at(k)].pose_read == 0) read_pose(at(k), name(k));
+    return keyframes[at(k)].T_cw;
+  }
+  /// The keypoints of a keyframe, which never change.
+  const plain_vector<keypoint>& keypoints(std::size_t k) {
+    auto& entry = keyframes[k];
+    if (!entry.has_keypoints) {
+      const std::size_t n = keypoint_count_of(map_, entry.name);
+      entry.keypoints.resize(n);
+      entry.slots.resize(n);
+      for (std::size_t i = 0; i < n; ++i) {
+        entry.keypoints[i] = keypoint_of(map_, entry.name, i), entry.slots[i] = point{};
+        const std::size_t levels = entry.keypoints[i].octave + std::size_t{1};
+        if (levels > points.levels()) points.more_levels(levels);
+      }
+      entry.has_keypoints = true;
+    }
+    return entry.keypoints;
+  }
+  /// Is to be read anew when it is next asked for.
+  void forget(point p) {
+    if (points.known(p)) points.entries[at(p)].read = 0;
+  }
+  /// Everything is to be read anew when it is next asked for.
+  void forget_all() {
+    for (std::size_t p = 1; p < points.size(); ++p) points.entries[p].read = 0;
+    for (std::size_t k = 1; k < keyframes.size(); ++k) keyframes[k].read = 0;
+  }
+
+  // ---- read a keyframe now ----
+
+  /// Pose and slots. \return whether anything was not as it was last seen
+  bool read_keyframe(std::size_t k) {
+    if (static_cast<std::int32_t>(k) == gone || !keyframes.alive(static_cast<std::int32_t>(k))) return false;
+    const user_keyframe name = keyframes[k].name;
+    if (!user_traits::alive(map_, name)) {
+      lose_keyframe(k);
+      return true;
+    }
+    bool differs = read_pose(k, name);
+    keypoints(k);
+    keyframes[k].read = 0;  // until all of it is
+    for (std::size_t i = 0; i < keyframes[k].slots.size(); ++i) differs = read_slot(k, i, name) || differs;
+    keyframes[k].read = 1;
+    return differs;
+  }
+  /// The pose alone. \return whether it was not as it was last seen
+  bool read_pose(std::size_t k, const user_keyframe& name) {
+    const auto T = pose_of(map_, name);
+    auto& old = keyframes[k].T_cw;
+    const bool same = is_same_pose(T, old);
+    old = T;
+    keyframes[k].pose_read = 1;
+    return !same;
+  }
+  /// One slot: points that came into it, or left it, are to be read anew. \return whether it was not as it was last seen
+  bool read_slot(std::size_t k, std::size_t i, const user_keyframe& name) {
+    const point now = number(user_traits::point_at(map_, name, i));
+    point& slot = keyframes[k].slots[i];
+    const point before = slot;
+    slot = now;
+    if (now == before) return false;
+    if (lists(before, k, i)) forget(before);
+    if (!lists(now, k, i)) forget(now);
+    return true;
+  }
+  /// Reads pose and slots of a keyframe that tracking hands over: its points are observed by it. That is all that tracking is
+  /// taken to have changed of points that have been read before.
+  void take_associations(keyframe k) {
+    if (!keyframes.known(k)) return;
+    const user_keyframe name = keyframes[at(k)].name;
+    keyframes[at(k)].read = 0;  // until all of it is
+    read_pose(at(k), name);
+    keypoints(at(k));
+    for (std::size_t i = 0; i < keyframes[at(k)].slots.size(); ++i) {
+      const point before = keyframes[at(k)].slots[i], now = number(user_traits::point_at(map_, name, i));
+      if (now == before) continue;
+      const observation o{k.index, static_cast<std::int32_t>(i)};
+      if (points.known(now) && points.entries[at(now)].read != 0 && !lists(now, at(k), i)) {
+        points.lists.add(at(now), o);
+        count_octaves(at(now));
+      }
+      keyframes[at(k)].slots[i] = now;
+      if (points.known(before) && points.lists.erase(at(before), o)) count_octaves(at(before));
+    }
+    keyframes[at(k)].read = 1;
+  }
+  /// It is not alive in the user's map: its points are to be read anew.
+  void lose_keyframe(std::size_t k) {
+    for (const point p : keyframes[k].slots) forget(p);
+    if (keyframes[k].read == 0) {  // its slots do not tell who lists it
+      for (std::size_t p = 1; p < points.size(); ++p)
+        for (const observation& o : points.lists.of(p))
+          if (o.keyframe == static_cast<std::int32_t>(k)) points.entries[p].read = 0;
+    }
+    keyframes.retire(k);
+  }
+
+  // ---- read a point now ----
+
+  /// All of it.
+  void read_point(std::size_t p) {
+    if (static_cast<std::int32_t>(p) == gone || !points.alive(static_cast<std::int32_t>(p))) return;
+    const user_point name = points.names[p];
+    auto& entry = points.entries;
+    entry[p].read = 0;  // until all of it is
+    if (!user_traits::alive(map_, name)) return lose_point(p, number(resolve(map_, name)));
+    read_position(p, name);
+    points.normals[p] = user_traits::normal(map_, name);
+    points.ranges[p] = {user_traits::min_distance(map_, name), user_traits::max_distance(map_, name)};
+    if constexpr (points_type::has_covariances) points.covariances[p] = user_traits::covariance(map_, name);
+    const auto& given = user_traits::descriptor_data(map_, name);
+    const typename descriptor::element* const d = detail::elements_of<descriptor>(given);
+    entry[p].described = d != nullptr;
+    constexpr std::size_t elements = points_type::elements;
+    for (std::size_t e = 0; d != nullptr && e < elements; ++e) points.descriptors[p * elements + e] = d[e];
+    entry[p].reference = number(user_traits::reference(map_, name));
+    read_list(p, name);
+    entry[p].read = 1;
+  }
+  /// The position alone.
+  void read_position(std::size_t p, const user_point& name) {
+    const auto& x = user_traits::position(map_, name);
+    points.positions[p] = {x.x, x.y, x.z};
+  }
+  /// The observations alone.
+  void read_list(std::size_t p, const user_point& name) {
+    const std::uint8_t read = points.entries[p].read;
+    points.entries[p].read = 0;  // until all of it is
+    scratch_.clear();
+    user_traits::for_each_observation(map_, name, [&](const user_keyframe& observer, std::size_t keypoint) {
+      const keyframe k = number(observer);
+      scratch_.push_back({k.index < 0 ? gone : k.index, static_cast<std::int32_t>(keypoint)});
+    });
+    keep_old_list(p);
+    for (const observation& o : scratch_)
+      for (observation& before : old_)
+        if (before.keyframe == o.keyframe && before.keypoint == o.keypoint) before.keyframe = gone;
+    try {
+      points.lists.close(p);
+      points.lists.reserve(p, scratch_.size());
+      for (const observation& o : scratch_) points.lists.add(p, o);
+      count_octaves(p);
+      for (const observation& o : old_) agree(o);
+      for (const observation& o : scratch_) agree(o, points.at(static_cast<std::int32_t>(p)));
+    } catch (...) {
+      forget_slots_of_old_list();
+      throw;
+    }
+    points.entries[p].read = read;
+  }
+  /// It is not alive in the user's map: `replacement`, or nothing, is there for it.
+  void lose_point(std::size_t p, point replacement) {
+    keep_old_list(p);
+    points.retire(p, replacement);
+    try {
+      for (const observation& o : old_) agree(o);
+    } catch (...) {
+      forget_slots_of_old_list();
+      throw;
+    }
+  }
+
+  /// @{
+  /// What was read.
+  using points_type = mirror_points<Map>;
+  mirror_keyframes<Map> keyframes;
+  points_type points;
+  /// @}
+
+ private:
+  void keep_old_list(std::size_t p) {
+    old_.clear();
+    for (const observation& o : points.lists.of(p)) old_.push_back(o);
+  }
+  void forget_slots_of_old_list() {
+    for (const observation& o : old_) keyframes[static_cast<std::size_t>(o.keyframe)].read = 0;
+  }
+  /// Whether a point that has been read lists the keypoint.
+  bool lists(point p, std::size_t k, std::size_t i) const {
+    if (!points.known(p)) return false;
+    for (const observation& o : points.lists.of(at(p)))
+      if (o.keyframe == static_cast<std::int32_t>(k) && o.keypoint == static_cast<std::int32_t>(i)) return true;
+    return false;
+  }
+  /// Slots that have been read agree with the list of a point, or are read anew. \param expected  what the slot holds by the list
+  void agree(const observation& o, point expected = {}) {
+    const auto k = static_cast<std::size_t>(o.keyframe), i = static_cast<std::size_t>(o.keypoint);
+    if (o.keyframe == gone || keyframes[k].read == 0 || i >= keyframes[k].slots.size()) return;
+    if (keyframes[k].slots[i] == expected) return;
+    const user_keyframe name = keyframes[k].name;
+    if (user_traits::alive(map_, name))
+      read_slot(k, i, name);
+    else
+      lose_keyframe(k);  // erased meanwhile: its slots may be no more
+  }
+  /// As recount().
+  void count_octaves(std::size_t p) {
+    const std::uint8_t read = points.entries[p].read;
+    points.entries[p].read = 0;  // until all of it is
+    const std::size_t n = points.lists.of(p).size();
+    for (std::size_t v = 0; v < n; ++v)
+      octave_of(points.lists.of(p)[v]);  // keypoints are read, and levels known, from here on
+    std::uint32_t* const counts = points.counts(p);
+    for (std::size_t o = 0; o < points.levels(); ++o) counts[o] = 0;
+    count_finest_octaves(
+        points.lists.of(p), [this](const observation& o) { return octave_of(o); }, counts);
+    points.entries[p].read = read;
+  }
+  /// -1 where there is no such keypoint.
+  int octave_of(const observation& o) {
+    if (o.keyframe == gone) return -1;
+    const auto& all = keypoints(static_cast<std::size_t>(o.keyframe));
+    return static_cast<std::size_t>(o.keypoint) < all.size() ? all[static_cast<std::size_t>(o.keypoint)].octave : -1;
+  }
+
+  Map& map_;
+  plain_vector<observation> scratch_, old_;  ///< observations of the list that is read, as they are and as they were
+};
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,111 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What a commit reads again where its stage works on a map_mirror: look_again.hpp says when, here is how. Only what the commit
+/// decides by is read, since reads of the user's map are slow.
+
+#include <cstddef>
+#include <cstdint>
+
+#include "../config.hpp"
+#include "map_copy.hpp"
+#include "mirror_sample.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+
+/// Whether a keyframe is alive, and one of its slots.
+template <class Map>
+void look_at_slot(map_copy<Map>& copy, map_keyframe_id k, std::size_t i) {
+  if (!copy.keyframes.known(k) || !copy.keyframes.alive(k.index)) return;
+  copy.ensure(k);
+  if (i >= copy.keyframes[copy.at(k)].slots.size()) return;
+  const auto name = copy.name(k);
+  if (!map_traits<Map>::alive(copy.map(), name)) return copy.lose_keyframe(copy.at(k));
+  copy.read_slot(copy.at(k), i, name);
+}
+/// Whether a keyframe is alive, and its pose.
+template <class Map>
+void look_at_keyframe(map_copy<Map>& copy, map_keyframe_id k) {
+  if (!copy.keyframes.known(k) || !copy.keyframes.alive(k.index)) return;
+  const auto name = copy.name(k);
+  if (!map_traits<Map>::alive(copy.map(), name)) return copy.lose_keyframe(copy.at(k));
+  copy.read_pose(copy.at(k), name);
+}
+/// What decides about a point in a commit: whether it is alive, its reference, its observations.
+template <class Map>
+void look_at_point(map_copy<Map>& copy, map_point_id p) {
+  using user = map_traits<Map>;
+  auto& points = copy.points;
+  if (!points.known(p) || !points.alive(p.index)) return;
+  const std::size_t place = copy.at(p);
+  if (points.entries[place].read == 0 || !user::alive(copy.map(), copy.name(p))) {
+    copy.read_point(place);
+  } else {
+    const auto name = copy.name(p);
+    points.entries[place].reference = copy.number(user::reference(copy.map(), name));
+    copy.read_list(place, name);
+  }
+  for (std::size_t n = 0; n < points.lists.of(place).size(); ++n) {
+    const observation o = points.lists.of(place)[n];
+    look_at_slot(copy, copy.keyframes.at(o.keyframe), static_cast<std::size_t>(o.keypoint));
+  }
+  copy.ensure(p);
+}
+/// Whether a point is alive.
+template <class Map>
+void look_whether_alive(map_copy<Map>& copy, map_point_id p) {
+  if (!copy.points.known(p) || !copy.points.alive(p.index)) return;
+  if (!map_traits<Map>::alive(copy.map(), copy.name(p))) copy.read_point(copy.at(p));
+}
+/// Whether a point is alive, and its position.
+template <class Map>
+void look_at_position(map_copy<Map>& copy, map_point_id p) {
+  if (!copy.points.known(p) || !copy.points.alive(p.index)) return;
+  const auto name = copy.name(p);
+  if (!map_traits<Map>::alive(copy.map(), name))
+    copy.read_point(copy.at(p));
+  else
+    copy.read_position(copy.at(p), name);
+}
+
+/// As measurement_count(), of all keyframes but one.
+template <class Map>
+int measurements_without(map_copy<Map>& copy, std::size_t p, std::int32_t k) {
+  int count = 0;
+  for (const observation& o : copy.points.lists.of(p)) {
+    if (o.keyframe == k || o.keyframe == copy.gone) continue;
+    const auto& all = copy.keypoints(static_cast<std::size_t>(o.keyframe));
+    const auto i = static_cast<std::size_t>(o.keypoint);
+    if (i < all.size()) count += all[i].u_right >= 0 ? 2 : 1;
+  }
+  return count;
+}
+/// All of a keyframe that is to be erased. Points that keep more than `fewest` measurements without it, and their reference, only
+/// lose a view: that their slot holds them is enough. The others are read anew. \return whether anything had changed
+template <class Map>
+bool look_at_all(map_copy<Map>& copy, map_keyframe_id k, int fewest) {
+  using user = map_traits<Map>;
+  if (!copy.keyframes.known(k)) return false;
+  bool differs = copy.read_keyframe(copy.at(k));
+  for (std::size_t i = 0; i < copy.keyframes[copy.at(k)].slots.size(); ++i) {
+    const map_point_id p = copy.keyframes[copy.at(k)].slots[i];
+    if (!copy.points.known(p) || !copy.points.alive(p.index)) continue;
+    const auto name = copy.name(p);
+    const bool read = copy.points.entries[copy.at(p)].read != 0;
+    if (read && user::alive(copy.map(), name) && !(user::reference(copy.map(), name) == copy.name(k)) &&
+        measurements_without(copy, copy.at(p), k.index) > fewest)
+      continue;
+    if (read && is_current(copy, copy.at(p))) continue;
+    differs = true;
+    copy.read_point(copy.at(p));
+  }
+  return differs;
+}
+
+}  // namespace detail
+
+TURBOMAP_END_NAMESPACE

@@ -1,0 +1,60 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What others say they have changed in a map that is mirrored. They may say so at any time; the mirror hears it when the next
+/// keyframe is processed.
+
+#include <mutex>
+#include <utility>
+
+#include "../config.hpp"
+#include "../map/map_traits.hpp"
+#include "../plain_vector.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// All members may be called from any thread.
+template <class Map>
+class mirror_reports {
+ public:
+  using user_keyframe = typename map_traits<Map>::keyframe;  ///< what the user calls a keyframe
+  using user_point = typename map_traits<Map>::point;        ///< what the user calls a point
+
+  /// What was reported since it was last asked for.
+  struct reported {
+    list_of<user_point> points;        ///< that changed
+    list_of<user_keyframe> keyframes;  ///< that changed
+    bool all = false;                  ///< everything may have changed
+  };
+
+  /// A point changed.
+  void add(const user_point& p) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    reported_.points.push_back(p);
+  }
+  /// A keyframe changed.
+  void add(const user_keyframe& k) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    reported_.keyframes.push_back(k);
+  }
+  /// Everything may have changed.
+  void add_all() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    reported_.all = true;
+  }
+  /// What was reported; nothing is, afterwards. No lock is held when it is used: who reports may hold locks of objects.
+  reported take() {
+    reported taken;
+    const std::lock_guard<std::mutex> lock(mutex_);
+    std::swap(taken, reported_);
+    return taken;
+  }
+
+ private:
+  std::mutex mutex_;
+  reported reported_;
+};
+
+TURBOMAP_END_NAMESPACE

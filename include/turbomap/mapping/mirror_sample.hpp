@@ -1,0 +1,87 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Finds what a map_mirror holds and nobody has reported as changed. At each keyframe a sample is compared with the user's map, the
+/// next part at each call, so that every point and keyframe has its turn. What differs is read anew.
+
+#include <cstddef>
+#include <cstdint>
+
+#include "../config.hpp"
+#include "../types.hpp"
+#include "map_copy.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// Whether a point that was read is as the user's map has it; the order of observations does not count. The caller holds the guard.
+/// \param p  its place
+template <class Map>
+bool is_current(map_copy<Map>& copy, std::size_t p) {
+  using user = map_traits<Map>;
+  const auto& points = copy.points;
+  const auto& name = points.names[p];
+  if (!user::alive(copy.map(), name)) return false;
+  const auto& x = user::position(copy.map(), name);
+  const vec3<double> now{x.x, x.y, x.z}, &then = points.positions[p];
+  if (!(now.x == then.x && now.y == then.y && now.z == then.z)) return false;
+  const typename user::keyframe reference = user::reference(copy.map(), name);
+  const auto known = points.entries[p].reference;
+  if (!(copy.name(known) == reference || known == copy.number(reference))) return false;
+  std::size_t views = 0;
+  bool same = true;
+  user::for_each_observation(copy.map(), name, [&](const typename user::keyframe& observer, std::size_t keypoint) {
+    ++views;
+    bool found = false;
+    for (const observation& o : points.lists.of(p))
+      found = found || (static_cast<std::size_t>(o.keypoint) == keypoint &&
+                        copy.keyframes[static_cast<std::size_t>(o.keyframe)].name == observer);
+    same = same && found;
+  });
+  return same && views == points.lists.of(p).size();
+}
+
+/// Goes round a mirror, one keyframe and a share of all points at a time.
+template <class Map>
+class mirror_sample {
+ public:
+  /// The caller holds the guard. \return how many were out of date
+  std::size_t check(map_copy<Map>& copy, double share) {
+    return share > 0 ? check_points(copy, share) + check_keyframe(copy) : 0;
+  }
+  /// Begins at the first ones.
+  void reset() { point_ = keyframe_ = 0; }
+
+ private:
+  std::size_t check_points(map_copy<Map>& copy, double share) {
+    auto& points = copy.points;
+    const double all = static_cast<double>(points.size()), wanted = share * all;
+    std::size_t stale = 0, left = wanted < all ? static_cast<std::size_t>(wanted) + 1 : points.size();
+    for (; left > 0 && points.size() > 1; --left) {
+      point_ = point_ + 1 < points.size() ? point_ + 1 : 1;
+      if (!points.alive(static_cast<std::int32_t>(point_))) continue;
+      if (points.entries[point_].read == 0) {  // nobody may ever ask for it again
+        if (!map_traits<Map>::alive(copy.map(), points.names[point_])) copy.read_point(point_);
+        continue;
+      }
+      if (is_current(copy, point_)) continue;
+      ++stale;
+      copy.read_point(point_);
+    }
+    return stale;
+  }
+  std::size_t check_keyframe(map_copy<Map>& copy) {
+    auto& keyframes = copy.keyframes;
+    if (keyframes.size() <= 1) return 0;
+    keyframe_ = keyframe_ + 1 < keyframes.size() ? keyframe_ + 1 : 1;
+    if (!keyframes.alive(static_cast<std::int32_t>(keyframe_))) return 0;
+    if (keyframes[keyframe_].read != 0) return copy.read_keyframe(keyframe_) ? 1 : 0;
+    if (!map_traits<Map>::alive(copy.map(), keyframes[keyframe_].name)) copy.lose_keyframe(keyframe_);
+    return 0;
+  }
+
+  std::size_t point_ = 0, keyframe_ = 0;  ///< places that were looked at last
+};
+
+TURBOMAP_END_NAMESPACE
