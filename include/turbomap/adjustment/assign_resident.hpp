@@ -8,12 +8,14 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <tuple>
 
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../packed_inputs.hpp"
 #include "../plain_vector.hpp"
 #include "factors.hpp"
+#include "median_distance.hpp"
 #include "order_observations.hpp"
 #include "structure_builder.hpp"
 
@@ -61,17 +63,19 @@ class block_sender {
 
 }  // namespace detail
 
+/// What assign_resident() did.
+struct resident_assignment {
+  bool done;    ///< false: the host must make the lists
+  bool finite;  ///< whether all numbers of rows and landmarks are: told by the policy, which looks at them anyway
+};
+
 /// \param data     a problem_data whose first group is reprojections, the only one with landmarks; all were checked and described
 /// \param builder  its frames are built here
-/// \param distance  gives the typical distance of a landmark, see group_place
-/// \param hold     makes the masks of held unknowns, which depend on the free frames
-/// \param finite   whether all numbers of rows and landmarks are: told by the policy, which looks at them anyway
-/// \param others   assigns the groups of factors of frames, from the first place that it is given on
-/// \return false: the host must make the lists
-template <class Policy, class Data, class Group, class Distance, class Hold, class Others>
-bool assign_resident(context<Policy>& ctx, Data& data, structure_builder& builder, const structure_input& in,
-                     const frame_input<typename Data::frame>& frames, const landmark_input& landmarks,
-                     const Group& group, Distance distance, Hold hold, Others others, bool& finite) {
+/// \param rest     groups of factors of frames
+template <class Policy, class Data, class Group, class... Rest>
+resident_assignment assign_resident(context<Policy>& ctx, Data& data, structure_builder& builder,
+                                    const structure_input& in, const frame_input<typename Data::frame>& frames,
+                                    const landmark_input& landmarks, const Group& group, const Rest&... rest) {
   using Frame = typename Data::frame;
   using state = typename Frame::template state<double>;
   auto& kept = std::get<0>(data.groups);
@@ -91,8 +95,8 @@ bool assign_resident(context<Policy>& ctx, Data& data, structure_builder& builde
                           nullptr,
                           nullptr,
                           nullptr};
-  if (!can_order_observations(policy, input)) return false;
-  hold();
+  if (!can_order_observations(policy, input)) return {false, true};
+  data.hold(frames.held);
   data.order.keep(input.landmarks);
 
   // Room where the policy computes, before anything is enqueued. What is allocated later (scratch of the lists, vectors of the
@@ -141,7 +145,7 @@ bool assign_resident(context<Policy>& ctx, Data& data, structure_builder& builde
   data.lists.adopt(numbers, input.frame_of_key, partials_of_frame, partials, pairs_of_frame,
                    block.put(neighbours, s.neighbours.data()));
   data.held.adopt(block.put(held, masks.data()));
-  kept.prepare_cameras(group, distance());
+  kept.prepare_cameras(group, median_distance(in.landmark_groups, frames, landmarks));
   const camera* const prepared = block.put(cameras, kept.cameras().data());
   const place_estimate<Frame> estimate{block.put(states, frames.states.data()),
                                        block.put(positions, landmarks.positions.data()),
@@ -160,14 +164,13 @@ bool assign_resident(context<Policy>& ctx, Data& data, structure_builder& builde
   observation_report& told = *data.workspace.observations.data();
   copy_out(policy, &told, report, sizeof told);
   ctx.synchronize();
-  if (told.too_long != 0) return false;
-  finite = told.not_finite == 0;
+  if (told.too_long != 0) return {false, true};
   s.sizes = told.sizes, s.partials = told.sizes.chunks, s.elsewhere = s.groups_elsewhere = true;
   kept.made(prepared, told.sizes.chunks);
   group_place place;
   place.landmark_group = 1, place.first_chunk = place.first_cost = s.partials;
-  others(place);
-  return true;
+  std::apply([&](auto&, auto&... others) { (others.assign(policy, rest, s, place), ...); }, data.groups);
+  return {true, told.not_finite == 0};
 }
 
 TURBOMAP_END_NAMESPACE

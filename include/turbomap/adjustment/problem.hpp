@@ -4,8 +4,7 @@
 
 /// \file
 /// A bundle adjustment problem: frames, landmarks and groups of factors, taken from plain views, and their current estimate.
-/// levenberg_marquardt.hpp adjusts it, covariance.hpp tells how certain its frames are. Longer than other headers by the
-/// docstrings of what a user gives.
+/// levenberg_marquardt.hpp adjusts it, covariance.hpp tells how certain its frames are.
 
 #include <cstddef>
 #include <cstdint>
@@ -15,13 +14,13 @@
 #include "../array.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
-#include "../error.hpp"
 #include "../plain_vector.hpp"
 #include "../precompiled.hpp"
+#include "assign_by_host.hpp"
 #include "assign_resident.hpp"
 #include "factors.hpp"
 #include "frames.hpp"
-#include "move_frames.hpp"
+#include "problem_check.hpp"
 #include "problem_data.hpp"
 #include "resident_factors.hpp"
 #include "resident_reprojections.hpp"
@@ -103,48 +102,6 @@ class basic_bundle_problem {
   data_type& data() { return data_; }
 
  private:
-  /// Quaternions in float, many times composed, are off by some 1e-6: factors of the user's own see them as they are.
-  static constexpr double unit_tolerance = 1e-3;
-
-  static void check(const frame_input<Frame>& frames, const landmark_input& landmarks, const Groups&... groups) {
-    require(frames.fixed.empty() || frames.fixed.size() == frames.states.size(), "frames.fixed.size()",
-            frames.fixed.size(), "must be that of states, or 0");
-    require(landmarks.fixed.empty() || landmarks.fixed.size() == landmarks.positions.size(), "landmarks.fixed.size()",
-            landmarks.fixed.size(), "must be that of positions, or 0");
-    require(frames.held.empty() || frames.held.size() == frames.states.size(), "frames.held.size()", frames.held.size(),
-            "must be that of states, or 0");
-    require(Frame::dof <= 32 || frames.held.empty(), "frames.held.size()", frames.held.size(),
-            "must be 0: masks are for frames of up to 32 unknowns");
-    const int frame_count = static_cast<int>(frames.states.size());
-    const int landmark_count = static_cast<int>(landmarks.positions.size());
-    (resident_group<Groups, Frame, Memory>::check(groups, frame_count, landmark_count), ...);
-    for (const auto& x : frames.states) {
-      const auto& T = Frame::template pose<double>(x);
-      const double square = T.qx * T.qx + T.qy * T.qy + T.qz * T.qz + T.qw * T.qw;
-      const bool given = each_finite(T.qx, T.qy, T.qz, T.qw);
-      require(!given || (square > 1 - unit_tolerance && square < 1 + unit_tolerance),
-              "frames.states: squared norm of a quaternion", square, "must be 1");
-    }
-  }
-  // Each by itself: a sum of finite numbers may overflow.
-  template <class... Numbers>
-  static bool each_finite(Numbers... x) {
-    return (detail::is_finite(x) && ...);
-  }
-  static bool all_finite(const frame_input<Frame>& frames) {
-    bool finite = true;
-    for (const auto& x : frames.states) {
-      const auto& T = Frame::template pose<double>(x);
-      finite = finite && each_finite(T.qx, T.qy, T.qz, T.qw) && each_finite(T.tx, T.ty, T.tz);
-    }
-    return finite;
-  }
-  static bool all_finite(const landmark_input& landmarks) {
-    bool finite = true;
-    for (const auto& p : landmarks.positions) finite = finite && each_finite(p.x, p.y, p.z);
-    return finite;
-  }
-
   structure_input describe(const frame_input<Frame>& frames, const landmark_input& landmarks, const Groups&... groups) {
     inputs_.landmark_groups.clear(), inputs_.frame_groups.clear();
     std::apply([&](auto&... g) { (g.describe(groups, inputs_), ...); }, data_.groups);
@@ -154,21 +111,6 @@ class basic_bundle_problem {
             span<const landmark_group_input>(inputs_.landmark_groups),
             span<const frame_group_input>(inputs_.frame_groups),
             observation_shape<Memory>::chunk};
-  }
-
-  /// The host makes all lists, and sends them.
-  template <class Policy>
-  void assign_by_host(context<Policy>& ctx, structure_input in, const frame_input<Frame>& frames,
-                      const landmark_input& landmarks, const Groups&... groups) {
-    data_.order.find(in);
-    in.landmark_place = span<const std::int32_t>(data_.order.place());
-    builder_.build(in, data_.structure);
-    group_place place;
-    place.first_cost = data_.structure.partials, place.distance = median_distance(frames, landmarks);
-    std::apply([&](auto&... g) { (g.assign(ctx.policy(), groups, data_.structure, place), ...); }, data_.groups);
-    upload_state(ctx, frames, landmarks);
-    data_.lists.send_sums(ctx.policy(), data_.structure);
-    ctx.synchronize();
   }
 
   std::size_t numbers_of_landmarks() const { return static_cast<std::size_t>(landmark_count()) * landmark_stride; }
@@ -201,66 +143,9 @@ class basic_bundle_problem {
     for (std::size_t i = 0; i < rows; ++i) chi2[i] = told[i], depth[i] = told[rows + i];
   }
 
-  /// Of the landmarks from the frames that see them: the median over rows that are spread evenly. 0: there are none.
-  double median_distance(const frame_input<Frame>& frames, const landmark_input& landmarks) {
-    constexpr std::size_t sample = 256;  // the median of so many is within 10 % of the ranks of the true one
-    std::size_t rows = 0, at = 0;
-    for (const auto& g : inputs_.landmark_groups) rows += g.frame.size();
-    const std::size_t step = rows / sample + 1;
-    distances_.clear();
-    for (const auto& g : inputs_.landmark_groups) {
-      for (; at < g.frame.size(); at += step) {
-        const auto& T = Frame::template pose<double>(frames.states[static_cast<std::size_t>(g.frame[at])]);
-        const vec3<double> p = to_isometry<double>(T) * landmarks.positions[static_cast<std::size_t>(g.landmark[at])];
-        const double distance = norm(p);
-        if (!detail::is_finite(distance)) continue;
-        distances_.push_back(distance);  // sorted as they come
-        for (std::size_t i = distances_.size() - 1; i > 0 && distances_[i - 1] > distance; --i)
-          distances_[i] = distances_[i - 1], distances_[i - 1] = distance;
-      }
-      at -= g.frame.size();
-    }
-    if (distances_.empty()) return 0;
-    return distances_[distances_.size() / 2];
-  }
-
-  template <class Policy>
-  void upload_state(context<Policy>& ctx, const frame_input<Frame>& frames, const landmark_input& landmarks) {
-    const std::size_t n = frames.states.size(), m = landmarks.positions.size();
-    data_.estimate.resize(n, m);
-    transfer_.resize_discard(landmark_stride * m);
-    for (std::size_t l = 0; l < m; ++l) {
-      const vec3<double>& p = landmarks.positions[static_cast<std::size_t>(data_.order.source()[l])];
-      double* to = transfer_.data() + l * landmark_stride;
-      to[0] = p.x, to[1] = p.y, to[2] = p.z, to[3] = 0;
-    }
-    const estimate_view<Frame> x = data_.estimate.current();
-    copy_in(ctx.policy(), x.states, frames.states.data(), n * sizeof(state));
-    copy_in(ctx.policy(), x.landmarks, transfer_.data(), transfer_.size() * sizeof(double));
-    auto& fixed = data_.landmark_fixed.host();
-    fixed.clear();
-    if (!landmarks.fixed.empty())
-      for (const auto l : data_.order.source()) fixed.push_back(landmarks.fixed[static_cast<std::size_t>(l)]);
-    data_.landmark_fixed.send(ctx.policy());
-    hold(frames.held);
-    data_.held.send(ctx.policy());
-    launch_prepare_poses(ctx.policy(), static_cast<int>(n), x);
-  }
-
-  /// Masks of the free frames; none where no unknown is held.
-  void hold(span<const std::uint32_t> held) {
-    auto& masks = data_.held.host();
-    masks.clear();
-    std::uint32_t any = 0;
-    for (const auto f : data_.structure.frame_of_free)
-      if (!held.empty()) masks.push_back(held[static_cast<std::size_t>(f)]), any |= masks.back();
-    if (any == 0) masks.clear();
-  }
-
   data_type data_;
   structure_builder builder_;
   structure_inputs inputs_;
-  plain_vector<double> distances_;
   mutable array<double, host_memory> transfer_;  ///< what is on its way to the policy or back
   array<state, host_memory> state_transfer_;
   array<double, host_memory> row_transfer_;
@@ -272,31 +157,24 @@ template <class Memory, class Frame, class... Groups>
 template <class Policy>
 void basic_bundle_problem<Memory, Frame, Groups...>::assign(context<Policy>& ctx, const frame_input<Frame>& frames,
                                                             const landmark_input& landmarks, const Groups&... groups) {
-  check(frames, landmarks, groups...);
+  detail::check_sizes(frames, landmarks);
+  const auto frame_total = static_cast<int>(frames.states.size());
+  const auto landmark_total = static_cast<int>(landmarks.positions.size());
+  (resident_group<Groups, Frame, Memory>::check(groups, frame_total, landmark_total), ...);
+  detail::check_rotations(frames);
   data_.finite = false, data_.observations = 0;  // empty until all is there
   data_.structure.elsewhere = data_.structure.groups_elsewhere = false;
   ctx.synchronize();
-  bool finite = all_finite(frames), assigned = false;
+  bool finite = detail::all_finite(frames), assigned = false;
   try {
     const structure_input in = describe(frames, landmarks, groups...);
     if constexpr (data_type::orders_there) {
-      bool rows_finite = true;
-      assigned = assign_resident(
-          ctx, data_, builder_, in, frames, landmarks, std::get<0>(std::tie(groups...)),
-          [&] { return median_distance(frames, landmarks); }, [&] { hold(frames.held); },
-          [&](group_place& place) {
-            const auto take = [&](auto& kept, const auto& given) {
-              if constexpr (!std::decay_t<decltype(kept)>::with_landmarks)
-                kept.assign(ctx.policy(), given, data_.structure, place);
-            };
-            std::apply([&](auto&... g) { (take(g, groups), ...); }, data_.groups);
-          },
-          rows_finite);
-      finite = finite && rows_finite;
+      const auto there = assign_resident(ctx, data_, builder_, in, frames, landmarks, groups...);
+      assigned = there.done, finite = finite && there.finite;
     }
     if (!assigned) {
-      assign_by_host(ctx, in, frames, landmarks, groups...);
-      finite = finite && all_finite(landmarks);
+      assign_by_host(ctx, data_, builder_, in, frames, landmarks, transfer_, groups...);
+      finite = finite && detail::all_finite(landmarks);
       ((finite = finite && resident_group<Groups, Frame, Memory>::all_finite(groups)), ...);
     }
   } catch (...) {

@@ -13,6 +13,7 @@
 
 #include "../array.hpp"
 #include "../config.hpp"
+#include "../span.hpp"
 #include "cholesky_solver.hpp"
 #include "factor_sums.hpp"
 #include "landmark_order.hpp"
@@ -105,6 +106,25 @@ struct problem_data {
   std::size_t observations = 0;          ///< 0: there is nothing to adjust
   bool finite = false;                   ///< of all numbers that were given
 
+  /// Masks of the free frames; none where no unknown is held. \param of_frames  [frame] masks; empty: none
+  void hold(span<const std::uint32_t> of_frames) {
+    auto& masks = held.host();
+    masks.clear();
+    std::uint32_t any = 0;
+    for (const auto f : structure.frame_of_free)
+      if (!of_frames.empty()) masks.push_back(of_frames[static_cast<std::size_t>(f)]), any |= masks.back();
+    if (any == 0) masks.clear();
+  }
+  /// Whether any landmark that is seen moves.
+  bool landmarks_move() const {
+    const auto& row = structure.landmark_row;
+    const auto& fixed = landmark_fixed.host();
+    if (fixed.empty()) return structure.rows() > 0;
+    if (structure.elsewhere) return structure.sizes.moving > 0;
+    for (std::size_t l = 0; l < fixed.size(); ++l)
+      if (fixed[l] == 0 && row[l + 1] > row[l]) return true;
+    return false;
+  }
   /// The lists of the blocks, where the policy computes: made when the first solver asks for them.
   template <class Policy>
   void need_blocks(const Policy& policy) {
