@@ -6,8 +6,7 @@
 /// Bundle adjustment: adjust(). Each iteration replaces the cost by the square of linearised residuals, adds a damping to
 /// its normal equations, and solves for a step (Levenberg and Marquardt's method); a step that makes the cost larger is taken
 /// back and tried again with more damping (Nielsen's rule). The landmarks are eliminated first (Schur complement), so that
-/// the system to solve is that of the frames. Longer than other headers, so that the loop can be read in one place, for host
-/// and device.
+/// the system to solve is that of the frames. The loop is one for host and device.
 
 #include <chrono>
 #include <cmath>
@@ -19,17 +18,18 @@
 #include "../named_range.hpp"
 #include "../precompiled.hpp"
 #include "cholesky_solver.hpp"
+#include "choose_solver.hpp"
 #include "conjugate_gradients.hpp"
 #include "damping.hpp"
 #include "host_sums.hpp"
 #include "methods.hpp"
 #include "move_frames.hpp"
-#include "normal_equations.hpp"
 #include "options.hpp"
 #include "options_check.hpp"
 #include "problem.hpp"
 #include "step_solver.hpp"
 #include "substitute_landmarks.hpp"
+#include "tracked_equations.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -65,15 +65,16 @@ class levenberg_marquardt {
   adjustment_end start() {
     if (data_.observations == 0) return adjustment_end::no_observations;
     if (!data_.finite) return adjustment_end::not_finite;
-    const bool nothing_free = data_.structure.free_frames == 0 && !landmarks_move();
-    const double cost = evaluate(data_.estimate.current(), options_.max_iterations > 0 && !nothing_free && !stopped());
+    const bool nothing_free = data_.structure.free_frames == 0 && !data_.landmarks_move();
+    const double cost =
+        equations_.evaluate(data_.estimate.current(), options_.max_iterations > 0 && !nothing_free && !stopped());
     summary_.cost_initial = summary_.cost_final = cost;
     if (!detail::is_finite(cost)) return adjustment_end::not_finite;
-    summary_.undefined = equations_.undefined();
+    summary_.undefined = equations_.now().undefined();
     if (nothing_free) return adjustment_end::nothing_free;
-    const reduced_solver chosen = choose<Solvers>();
-    if (chosen != reduced_solver::pcg) equations_.need_blocks(ctx_, chosen == reduced_solver::dense);
-    const schur_view<A>& s = equations_.view();
+    const reduced_solver chosen = choose_solver<Solvers>(ctx_, data_, options_);
+    if (chosen != reduced_solver::pcg) equations_.now().need_blocks(ctx_, chosen == reduced_solver::dense);
+    const schur_view<A>& s = equations_.now().view();
     if constexpr (Solvers::has(reduced_solver::dense))
       if (chosen == reduced_solver::dense)
         return iterate(detail::step_solver_of<Policy, cholesky_solver<A, V, D, dense_system<V, D>>>(
@@ -95,7 +96,7 @@ class levenberg_marquardt {
     for (int i = 0; i < options_.max_iterations; ++i) {
       if (stopped()) return adjustment_end::stopped;
       if (i > 0 && out_of_time()) return adjustment_end::time_budget;
-      linearise();
+      equations_.linearise();
       if (i == 0) survey(!(control.lambda > 0));
       if (i == 0 && !(control.lambda > 0)) {
         control.lambda = first_lambda();
@@ -117,17 +118,17 @@ class levenberg_marquardt {
 
   /// What there is to know of the first linearisation.
   void survey(bool scale) {
-    if (const survey_report* found = equations_.survey(ctx_, scale)) {
+    if (const survey_report* found = equations_.now().survey(ctx_, scale)) {
       summary_.undetermined = static_cast<int>(found->undetermined);
       if (scale) largest_ = found->largest;
     } else {
-      summary_.undetermined = equations_.undetermined(ctx_);
+      summary_.undetermined = equations_.now().undetermined(ctx_);
     }
   }
 
   /// The damping that the options stand for where they give none.
   double first_lambda() {
-    if (largest_ < 0) largest_ = equations_.largest_diagonal(ctx_);
+    if (largest_ < 0) largest_ = equations_.now().largest_diagonal(ctx_);
     const bool of_each = options_.damping == damping_rule::diagonal;
     const double given = options_.initial_lambda_scale, scale = given > 0 ? given : of_each ? 1e-4 : 1e-5;
     return of_each ? scale : scale * largest_;
@@ -136,35 +137,14 @@ class levenberg_marquardt {
   /// What retry() returns where the adjustment goes on.
   static constexpr adjustment_end accepted = adjustment_end::max_iterations;
 
-  /// The cost of an estimate. \param linearise  it is likely to be linearised next: in the same pass, where that is cheap
-  double evaluate(const estimate_view<typename Data::frame>& x, bool linearise) {
-    if (const step_report* report = evaluate_step(x, {}, linearise, nullptr)) return report->cost;
-    if (!Data::reprojections_only || !linearise) return equations_.evaluate(ctx_, x);
-    note_linearised(x, false);
-    return equations_.linearise_and_evaluate(ctx_, x);
-  }
-  /// The same of a step, where the policy sums: see normal_equations.
-  /// \param solver  solves for the next step too, while the host judges this one; null: it cannot
-  const step_report* evaluate_step(const estimate_view<typename Data::frame>& x, const step_parts& parts,
-                                   bool linearise, solver_type* solver) {
-    const step_report* report = equations_.evaluate_step(ctx_, x, parts, linearise, [&] {
-      if (parts.next_lambda == nullptr) return equations_.form(ctx_, x);
-      equations_.form_and_eliminate(ctx_, x, parts.damping, parts.next_lambda);
-      next_step_ = solver->solve_ahead(ctx_, parts.damping, parts.next_lambda);
-    });
-    if (report != nullptr && linearise) note_linearised(x, true);
-    return report;
-  }
-  void note_linearised(const estimate_view<typename Data::frame>& x, bool formed) {
-    linearised_ = x.states == data_.estimate.current().states ? at_current : at_trial;
-    formed_ = formed;
-  }
-  /// The normal equations of the current estimate, unless they are there.
-  void linearise() {
-    if (linearised_ != at_current) equations_.linearise(ctx_, data_.estimate.current()), formed_ = solved_ = false;
-    if (!formed_) equations_.form(ctx_, data_.estimate.current());
-    linearised_ = at_current, formed_ = true;
-  }
+  /// A step that was applied to the trial estimate.
+  struct trial_step {
+    bool solved;             ///< false: there is none, the system could not be solved
+    int linear_iterations;   ///< of the solver
+    double predicted = 0;    ///< the decrease that the quadratic model promises, the sum of dx (damping dx + b)
+    bool evaluated = false;  ///< the cost there is known by the way
+    double cost = 0;         ///< that cost
+  };
 
   /// Steps of one linearisation, with more and more damping, until one makes the cost smaller.
   /// \param more  another iteration may follow
@@ -172,32 +152,28 @@ class levenberg_marquardt {
                        bool more) {
     bool factorised = false;
     while (it.steps <= options_.max_retries) {
-      linearise();  // anew where it was at an estimate that was refused
+      equations_.linearise();  // anew where it was at an estimate that was refused
       ++it.steps, it.lambda = control.lambda;
-      double predicted = 0, after = 0;
-      bool evaluated = false;
-      const reduced_step step = take_step(solver, control, cost, more && hopeful_, predicted, after, evaluated);
-      it.linear_iterations += step.iterations;
+      trial_step step = take_step(solver, control, cost, more && hopeful_);
+      it.linear_iterations += step.linear_iterations;
       if (step.solved) {
         factorised = true;
-        if (!(predicted > options_.min_predicted_decrease * cost) && detail::is_finite(predicted)) {
+        if (!(step.predicted > options_.min_predicted_decrease * cost) && detail::is_finite(step.predicted)) {
           // The step promises nothing: no gradient is left, or too much damping.
-          linearise();
-          if (!(equations_.gradient_gain(ctx_) > options_.min_predicted_decrease * cost))
+          equations_.linearise();
+          if (!(equations_.now().gradient_gain(ctx_) > options_.min_predicted_decrease * cost))
             return adjustment_end::converged;
           if (it.steps > 1 || !(control.lambda > first_lambda())) return adjustment_end::no_descent;
           control.lambda = first_lambda();
           continue;
         }
-        if (!evaluated) after = evaluate(data_.estimate.trial(), more && hopeful_);
-        hopeful_ = control.accepts(cost, after, predicted);
+        if (!step.evaluated) step.cost = equations_.evaluate(data_.estimate.trial(), more && hopeful_);
+        hopeful_ = control.accepts(cost, step.cost, step.predicted);
         if (hopeful_) {
-          cost = after;
-          linearised_ = linearised_ == at_trial ? at_current : nowhere;
-          formed_ = formed_ && linearised_ == at_current;
-          solved_ = formed_ && next_damping_ == control.lambda;
-          summary_.undefined = equations_.undefined();
-          data_.estimate.accept();
+          cost = step.cost;
+          equations_.accept();
+          solved_ = equations_.formed() && next_damping_ == control.lambda;
+          summary_.undefined = equations_.now().undefined();
           ++summary_.accepted;
           return accepted;
         }
@@ -210,13 +186,12 @@ class levenberg_marquardt {
     return factorised ? adjustment_end::no_descent : adjustment_end::singular;
   }
 
-  /// Solves for a step with a damping and applies it to the trial estimate. `predicted`: the decrease that the quadratic
-  /// model promises, the sum of dx (damping dx + b). `after`: the cost there, if it was `evaluated` on the way.
-  /// \param ahead  see evaluate()
-  reduced_step take_step(solver_type& solver, const damping_control& control, double cost, bool ahead,
-                         double& predicted, double& after, bool& evaluated) {
+  /// Solves for a step with a damping and applies it to the trial estimate.
+  /// \param ahead  see tracked_equations::evaluate(); the solver solves for the next step too, where it can, while the host judges
+  ///               this one
+  trial_step take_step(solver_type& solver, const damping_control& control, double cost, bool ahead) {
     const damping damping{control.lambda, options_.damping == damping_rule::diagonal};
-    const schur_view<A>& s = equations_.view();
+    const schur_view<A>& s = equations_.now().view();
     const Policy& policy = ctx_.policy();
     reduced_step step = next_step_;
     if (solved_) {
@@ -226,7 +201,7 @@ class levenberg_marquardt {
       step = solver.solve(ctx_, damping);
     }
     solved_ = false;
-    if (!step.solved) return step;
+    if (!step.solved) return {false, step.iterations};
     const auto from = data_.estimate.current(), to = data_.estimate.trial();
     const int frames = data_.structure.frames;
     launch_take_step<V, D>(policy, s, step.step, damping, frames, from, to, gains_);
@@ -238,10 +213,14 @@ class levenberg_marquardt {
       const bool last = options_.min_relative_decrease > 0 && slow_ + 1 >= options_.slow_iterations;
       parts.least_decrease = last ? options_.min_relative_decrease * cost : 0;
     }
-    if (const step_report* report = evaluate_step(to, parts, ahead, &solver)) {
-      predicted = report->predicted, after = report->cost, evaluated = true, next_damping_ = report->lambda;
-      step.solved = report->solved != 0;
-      return step;
+    const auto next = [&] {
+      if (parts.next_lambda == nullptr) return equations_.now().form(ctx_, to);
+      equations_.now().form_and_eliminate(ctx_, to, parts.damping, parts.next_lambda);
+      next_step_ = solver.solve_ahead(ctx_, parts.damping, parts.next_lambda);
+    };
+    if (const step_report* report = equations_.evaluate_step(to, parts, ahead, next)) {
+      next_damping_ = report->lambda;
+      return {report->solved != 0, step.iterations, report->predicted, true, report->cost};
     }
     auto& w = data_.workspace;
     const double* x = step.on_host != nullptr ? step.on_host : ctx_.on_host(step.step, n, w.x);
@@ -251,10 +230,8 @@ class levenberg_marquardt {
     const double* b = ctx_.on_host(s.b, n, w.b);
     const double* H = damping.scaled ? ctx_.on_host(s.H, triangles, w.matrix) : nullptr;
     ctx_.synchronize();  // once for all
-    step.solved = solved != 0;
-    predicted = detail::dot_in_order(x, b, n, detail::sum_in_order(gains, gain_count()));
-    predicted = detail::damped_square<D>(damping, H, x, n, predicted);
-    return step;
+    const double predicted = detail::dot_in_order(x, b, n, detail::sum_in_order(gains, gain_count()));
+    return {solved != 0, step.iterations, detail::damped_square<D>(damping, H, x, n, predicted)};
   }
   std::size_t gain_count() const { return static_cast<std::size_t>(landmark_gain_count(data_.structure.landmarks)); }
 
@@ -263,37 +240,11 @@ class levenberg_marquardt {
     return options_.time_budget_ms > 0 &&
            std::chrono::duration<double, std::milli>(clock::now() - start_).count() > options_.time_budget_ms;
   }
-  bool landmarks_move() const {
-    const auto& row = data_.structure.landmark_row;
-    const auto& fixed = data_.landmark_fixed.host();
-    if (fixed.empty()) return data_.structure.rows() > 0;
-    if (data_.structure.elsewhere) return data_.structure.sizes.moving > 0;
-    for (std::size_t l = 0; l < fixed.size(); ++l)
-      if (fixed[l] == 0 && row[l + 1] > row[l]) return true;
-    return false;
-  }
-
-  /// The solver that `automatic` stands for, among those of the program. A matrix with few empty blocks gains nothing from
-  /// sparsity.
-  template <class Solvers>
-  reduced_solver choose() {
-    if (options_.solver != reduced_solver::automatic) return options_.solver;
-    constexpr bool dense = Solvers::has(reduced_solver::dense), sparse = Solvers::has(reduced_solver::sparse);
-    constexpr bool pcg = Solvers::has(reduced_solver::pcg);
-    const int unknowns = data_.structure.free_frames * D;
-    const bool lists_fit = !pcg || block_finder::count_pairs(data_.structure) <= options_.pair_limit;
-    if (dense && lists_fit && (unknowns <= options_.dense_limit || !(sparse || pcg))) return reduced_solver::dense;
-    if (!pcg) return sparse ? reduced_solver::sparse : reduced_solver::dense;
-    if (!sparse || !lists_fit || unknowns > options_.sparse_limit) return reduced_solver::pcg;
-    const double f = data_.structure.free_frames, blocks = static_cast<double>(data_.count_blocks(ctx_.policy()));
-    return blocks > options_.sparse_fill * f * f / 2 ? reduced_solver::pcg : reduced_solver::sparse;
-  }
-
   context<Policy>& ctx_;
   Data& data_;
   const adjustment_options& options_;
   clock::time_point start_;
-  normal_equations<Data, G, A> equations_;
+  tracked_equations<Policy, Data, G, A> equations_;
   adjustment_summary summary_;
   double* gains_ = nullptr;
   double* next_lambda_ = nullptr;
@@ -301,10 +252,8 @@ class levenberg_marquardt {
   double next_damping_ = NAN;  ///< with this damping, which the policy found
   bool solved_ = false;        ///< next_step_ is the one that is to be taken
   int slow_ = 0;               ///< iterations on end that gained little
-  enum { nowhere, at_current, at_trial } linearised_ = nowhere;
-  bool formed_ = false;  ///< the normal equations are those of the last linearisation
-  bool hopeful_ = true;  ///< the last step was accepted, so the next one probably is
-  double largest_ = -1;  ///< of the diagonal, at the first look; -1: not looked at
+  bool hopeful_ = true;        ///< the last step was accepted, so the next one probably is
+  double largest_ = -1;        ///< of the diagonal, at the first look; -1: not looked at
 };
 
 /// Adjusts a problem: moves its free frames and landmarks to where the sum of rho(chi2) of all factors is least. One
