@@ -103,6 +103,8 @@ TEST_CASE("what was fused once is not fused again") {
   p.fusion.begin();
   CHECK(p.forward().merged > 0);
   p.backward();
+  CHECK(p.held.commit_ms > 0);
+  CHECK(p.held.commit_ms < p.held.total_ms);  // the rest was read
   CHECK_FALSE(p.fusion.touched().empty());
   p.fusion.begin();
   CHECK(p.fusion.touched().empty());

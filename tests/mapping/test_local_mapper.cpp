@@ -692,7 +692,10 @@ TEST_CASE("the guard is held whenever the map is read or written, and never duri
         counted += report.held[s].count;
         CHECK(report.held[s].longest_ms <= report.held[s].total_ms);
         CHECK(report.held[s].total_ms <= report.total_ms);
+        CHECK(report.held[s].commit_ms <= report.held[s].total_ms);
       }
+      if (report.points_created > 0) CHECK(report.held[mapping_stage::creation].commit_ms > 0);
+      if (report.fused.merged > 0) CHECK(report.held[mapping_stage::fusion].commit_ms > 0);
       CHECK(static_cast<long>(counted) == map->watch.taken - taken);  // the report knows of each time
     }
     CHECK(created > 0);

@@ -68,11 +68,12 @@ TEST_CASE("mean and quantiles") {
 
 TEST_CASE("how long a guard was held") {
   turbomap::guard_times held;
-  held.add(2), held.add(5), held.add(1);
+  held.add(2), held.add(5, true), held.add(1);
   CHECK(held.count == 3);
   CHECK(held.total_ms == 8);
   CHECK(held.longest_ms == 5);
   CHECK(held.over_1_ms == 2);
+  CHECK(held.commit_ms == 5);
 }
 
 }  // namespace

@@ -63,13 +63,14 @@ inline nlohmann::json guard_json(const std::vector<replay_row>& rows) {
     turbomap::guard_times all;
     for (const replay_row& row : rows) {
       const auto& held = row.report.held[stage];
-      all.count += held.count, all.total_ms += held.total_ms;
+      all.count += held.count, all.total_ms += held.total_ms, all.commit_ms += held.commit_ms;
       all.longest_ms = std::max(all.longest_ms, held.longest_ms);
       all.over_1_ms += held.over_1_ms;
     }
     if (all.count != 0)
       json[turbomap::to_string(stage)] = {{"times", all.count},
                                           {"ms_mean", all.total_ms / static_cast<double>(all.count)},
+                                          {"ms_commit", all.commit_ms},
                                           {"ms_max", all.longest_ms},
                                           {"over_1_ms", all.over_1_ms}};
   }

@@ -190,7 +190,7 @@ class duplicate_fusion {
     fusion_summary summary;
     for (std::size_t begin = 0; begin < plan_.size(); begin += most) {
       const std::size_t left = plan_.size() - begin;
-      const auto guard = s.guard();
+      const auto guard = s.commit_guard();
       summary += commit_(
           s.map, span<const duplicate<typename descriptor::distance_type>>(plan_.data() + begin, std::min(left, most)),
           span<const keyframe>(targets_.keyframes()), span<const point>(snapshot_.points()), options, s.faults);

@@ -19,11 +19,13 @@ struct guard_times {
   double total_ms = 0;        ///< in all
   double longest_ms = 0;      ///< at most at once
   std::size_t over_1_ms = 0;  ///< how often for more than a millisecond
+  double commit_ms = 0;       ///< of total_ms: by creation and fusion, to apply what they found
 
-  /// It was held once more.
-  void add(double ms) {
+  /// It was held once more. \param commits  to apply what creation or fusion found
+  void add(double ms, bool commits = false) {
     ++count;
     total_ms += ms;
+    commit_ms += commits ? ms : 0;
     longest_ms = ms > longest_ms ? ms : longest_ms;
     over_1_ms += ms > 1 ? 1 : 0;
   }

@@ -71,7 +71,7 @@ class map_point_creation {
   /// read, e.g. by closing a loop: the positions are of another map then.
   void commit(const scope& s, const search_type& search) {
     created_.clear(), due_.clear();
-    const auto guard = s.guard();
+    const auto guard = s.commit_guard();
     if (!is_where_it_was(s.map, search.selection())) return;
     commit_points<Map>(s.map, new_points_view{positions_, offsets_, observations_}, {look_, descriptors_},
                        search.selection().keyframes(), created_, due_, s.faults);

@@ -33,16 +33,18 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map>
 class timed_guard {
  public:
-  /// Waits for the guard.
-  timed_guard(Map& map, guard_times& times) : guard_(map_guard(map)), times_(times), begin_(clock::now()) {}
+  /// Waits for the guard. \param commits  held to apply what creation or fusion found
+  timed_guard(Map& map, guard_times& times, bool commits = false)
+      : guard_(map_guard(map)), times_(times), commits_(commits), begin_(clock::now()) {}
   timed_guard(const timed_guard&) = delete;
   timed_guard& operator=(const timed_guard&) = delete;
-  ~timed_guard() { times_.add(std::chrono::duration<double, std::milli>(clock::now() - begin_).count()); }
+  ~timed_guard() { times_.add(std::chrono::duration<double, std::milli>(clock::now() - begin_).count(), commits_); }
 
  private:
   using clock = std::chrono::steady_clock;
   decltype(map_guard(std::declval<Map&>())) guard_;
   guard_times& times_;
+  bool commits_;
   clock::time_point begin_;
 };
 
@@ -66,6 +68,8 @@ struct mapping_scope {
 
   /// Holds the map's guard while it lives, and notes for how long.
   timed_guard<Map> guard() const { return timed_guard<Map>(map, held); }
+  /// The same, to apply what creation or fusion found.
+  timed_guard<Map> commit_guard() const { return timed_guard<Map>(map, held, true); }
 
   /// Works on the map in parts, each under the guard, so that others may enter in between.
   /// \param begin   begin() comes before the first part: what has to be read at once
