@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <iomanip>
 #include <string>
 #include <vector>
 
@@ -173,6 +174,38 @@ TEST_CASE("a rendered fisheye pair") {
   CHECK(median(v.depth_error) < 0.15);  // half a pixel of a disparity of 6: corners alone, no correlation
   CHECK(v.association_error.size() > 400);
   CHECK(share_below(v.association_error, 0.1) > 0.9);
+
+  SUBCASE("as TUM-VI publishes it: motion capture, and one file of calibration") {
+    fs::rename(folder / "mav0/state_groundtruth_estimate0", folder / "mav0/mocap0");
+    fs::create_directories(folder / "dso");
+    std::ofstream chain(folder / "dso/camchain.yaml");
+    chain << std::setprecision(17);
+    for (std::size_t c = 0; c < 2; ++c) {
+      const auto& camera = truth.cameras[c].camera;
+      const auto k = camera.parameters();
+      const Eigen::Matrix4d T_cb = camera.T_bc.inverse().matrix();
+      chain << "cam" << c << ":\n  T_cam_imu:\n";
+      for (int row = 0; row < 4; ++row)
+        chain << "  - [" << T_cb(row, 0) << ", " << T_cb(row, 1) << ", " << T_cb(row, 2) << ", " << T_cb(row, 3)
+              << "]\n";
+      chain << "  camera_model: pinhole\n  distortion_coeffs: [" << k[4] << ", " << k[5] << ", " << k[6] << ", " << k[7]
+            << "]\n  distortion_model: equidistant\n  intrinsics: [" << k[0] << ", " << k[1] << ", " << k[2] << ", "
+            << k[3] << "]\n  resolution: [" << camera.width << ", " << camera.height << "]\n";
+      fs::remove(folder / (c == 0 ? "mav0/cam0/sensor.yaml" : "mav0/cam1/sensor.yaml"));
+    }
+    chain.close();
+    const auto same = extracted(folder.path(), {}, {});
+    CHECK(same.nleft == r.nleft);
+    REQUIRE(same.kp_depth.size() == r.kp_depth.size());
+    double worst = 0;
+    for (std::size_t k = 0; k < r.kp_depth.size(); ++k)
+      worst = std::max(worst, static_cast<double>(std::abs(same.kp_depth[k] - r.kp_depth[k])));
+    CHECK(worst < 1e-3);
+    for (std::size_t i = 0; i < r.keyframe_count(); ++i) {
+      CHECK(same.T_cw[i].tx == doctest::Approx(r.T_cw[i].tx).epsilon(1e-6));
+      CHECK(same.T_cw[i].qy == doctest::Approx(r.T_cw[i].qy).epsilon(1e-6));
+    }
+  }
 }
 
 TEST_CASE("pairs of two views: a best descriptor is compared with the second best that there is") {
@@ -352,6 +385,72 @@ TEST_CASE("photographs: pairs of two views lie at the depth of their COLMAP mode
                        << " (median), within 3 %: " << share_below(error, 0.03));
   CHECK(pairs.size() > 500);
   CHECK(error.size() > 100);
+  CHECK(median(error) < 0.01);
+  CHECK(share_below(error, 0.03) > 0.85);
+}
+
+TEST_CASE("photographs as a data set of one camera: points lie as deep as their COLMAP model has them") {
+  const auto data = turbomap_test::data("lund-door");
+  if (!data) return;
+  const auto model = turbomap::read_colmap_model(*data / "colmap_ground_truth");
+  const turbomap_test::temporary_directory folder;
+  const fs::path mav = folder / "mav0";
+  fs::create_directories(mav / "cam0/data"), fs::create_directories(mav / "state_groundtruth_estimate0");
+  std::ofstream list(mav / "cam0/data.csv"), truth(mav / "state_groundtruth_estimate0/data.csv");
+  truth << std::setprecision(17);
+  std::vector<Eigen::Isometry3d> T_cw;
+  std::vector<const turbomap::colmap_image*> images;
+  for (const auto& [id, image] : model.images) {
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.linear() = Eigen::Quaterniond(image.T_cw.qw, image.T_cw.qx, image.T_cw.qy, image.T_cw.qz).toRotationMatrix();
+    T.translation() = Eigen::Vector3d(image.T_cw.tx, image.T_cw.ty, image.T_cw.tz);
+    T_cw.push_back(T), images.push_back(&image);
+    const Eigen::Isometry3d T_wc = T.inverse();
+    const Eigen::Quaterniond q(T_wc.linear());
+    const auto& x = T_wc.translation();
+    fs::create_symlink(fs::absolute(*data / "images" / image.name), mav / "cam0/data" / image.name);
+    list << id << "000000000," << image.name << '\n';
+    truth << id << "000000000," << x.x() << ',' << x.y() << ',' << x.z() << ',' << q.w() << ',' << q.x() << ',' << q.y()
+          << ',' << q.z() << '\n';
+  }
+  list.close(), truth.close();
+  turbomap_test::write_bytes(mav / "cam0/sensor.yaml",
+                             "T_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"
+                             "resolution: [1296, 1936]\nintrinsics: [2435.38, 2435.38, 648, 968]\n"
+                             "distortion_model: radial-tangential\ndistortion_coefficients: [-0.0336422, 0, 0, 0]\n");
+  ext::dataset_options mono;
+  mono.mono = true;
+  ext::extract_options options;
+  options.features.per_cell = 24;
+  const auto r = extracted(folder.path(), mono, options);
+  CHECK(r.meta.sensor == "monocular");
+  REQUIRE(r.keyframe_count() == model.images.size());
+
+  std::vector<double> error;
+  std::size_t again = 0;
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    std::vector<Eigen::Vector3d> shown;  // pixel and depth of what the model's image shows
+    for (const auto& seen : images[i]->observations) {
+      if (seen.point < 0) continue;
+      const auto& point = model.points.at(seen.point);
+      const Eigen::Vector3d x = T_cw[i] * Eigen::Vector3d(point.x, point.y, point.z);
+      shown.emplace_back(2435.38 * x.x() / x.z() + 648, 2435.38 * x.y() / x.z() + 968, x.z());
+    }
+    const Eigen::Isometry3d T_cr = T_cw[i] * T_cw[0].inverse();  // the recording's world is the first camera
+    for (std::size_t row = r.associations(i).begin; row < r.associations(i).end; ++row) {
+      again += r.assoc_new[row] == 0 ? 1 : 0;
+      const auto& z = r.kp_xy[r.keypoints(i).begin + static_cast<std::size_t>(r.assoc_kp[row])];
+      const auto& at = r.assoc_pos[row];
+      double nearest = 4, depth = 0;  // px
+      for (const auto& s : shown)
+        if (const double d = std::hypot(s.x() - z.x, s.y() - z.y); d < nearest) nearest = d, depth = s.z();
+      if (depth > 0) error.push_back(std::abs((T_cr * Eigen::Vector3d(at.x, at.y, at.z)).z() / depth - 1));
+    }
+  }
+  MESSAGE(again << " associations with points of earlier photographs; depth of " << error.size() << " off by "
+                << median(error) << " (median), within 3 %: " << share_below(error, 0.03));
+  CHECK(again > 1000);
+  CHECK(error.size() > 500);
   CHECK(median(error) < 0.01);
   CHECK(share_below(error, 0.03) > 0.85);
 }
