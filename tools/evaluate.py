@@ -22,6 +22,8 @@ import math
 import os
 import pathlib
 import platform
+import re
+import resource
 import statistics
 import subprocess
 import sys
@@ -40,7 +42,10 @@ PAPER = {"euroc": 1.3, "tum": 1.6}  # 'TurboMap: GPU-Accelerated Local Mapping f
 CERES_MS = 90  # per iteration of synthetic-lba/30-20-6000 where and when the recorded system was timed
 ABLATION = {"search_exact": "search", "creation": "creation", "duplicates": "fusion", "map_update": "point update", "adjustment_part":
             "adjustment of 100 points", "point_culling": "point culling", "culling": "keyframe culling"}  # stages of turbomap-bench
-SECONDS_PER_KEYFRAME = 0.05  # of a replay, for a first guess of the time left
+SECONDS_PER_KEYFRAME = 0.015  # of a replay, for a first guess of the time left
+SECONDS_OF_BENCH, SECONDS_OF_BUNDLE = 3, 5  # per repetition of all snapshots of a recording; per problem
+KERNEL_TIMES = "libturbomap-kernel-times.so"
+CUPTI = ("/usr/local/cuda/lib64/libcupti.so", "/usr/local/cuda/extras/CUPTI/lib64/libcupti.so")
 BEGIN, END = "<!-- evaluate: begin -->", "<!-- evaluate: end -->"
 COLOURS = ["#06c", "#c60", "#090", "#b0b", "#888", "#c22"]
 
@@ -147,11 +152,11 @@ def policies(args):
 
 
 class progress:
-    """Says on stderr how much is done and how long the rest will take; jobs are weighed by their keyframes."""
+    """Says on stderr how much is done and how long the rest will take; jobs are weighed by the seconds that they may take."""
 
     def __init__(self, weights):
         self.total, self.done, self.fresh, self.begin = sum(weights), 0, 0, time.monotonic()
-        self.say(f"{len(weights)} replays, about {minutes(self.total * SECONDS_PER_KEYFRAME)}, less what is kept from before")
+        self.say(f"{len(weights)} runs of programs, about {minutes(self.total)}, less what is kept from before")
 
     def say(self, text):
         if sys.stderr.isatty():
@@ -163,7 +168,7 @@ class progress:
         self.done += weight
         if seconds > 0.05:  # not kept from before
             self.fresh += weight
-        rate = (time.monotonic() - self.begin) / self.fresh if self.fresh else SECONDS_PER_KEYFRAME
+        rate = (time.monotonic() - self.begin) / self.fresh if self.fresh else 1
         self.say(f"{100 * self.done / self.total:3.0f} %, about {minutes((self.total - self.done) * rate)} left: {name}")
         if self.done >= self.total and sys.stderr.isatty():
             print(file=sys.stderr)
@@ -174,28 +179,54 @@ def minutes(seconds):
 
 
 def run_all(args, made, names):
-    """{(case name, policy, what): JSON}"""
-    jobs = []
+    """What every program said: replays {(case name, policy, what): JSON}, Ceres' clock, BAL problems, stages alone, and what
+    became of each stage on a device."""
+    jobs = []  # (weight, name, work)
+    results, clock, adjusted, alone, device = {}, [], {}, {}, {}
+    centres = {}  # what the first replay of a set-up found out from observations, which takes a quarter of its time, holds for the others
+
+    def add_replay(case, policy, what, more, options):
+        def work():
+            fault = replays.simulate(case.folder, case.command) if case.command else None
+            found = {"failed": fault} if fault else replays.replay(
+                args, case.folder, [*case.options, *options, *centres.get(case.name, [])], policy=policy, **more)
+            if "keypoint_offset" in found:
+                centres[case.name] = ["--pixel-centres" if found["pixel_centres"] else "--no-pixel-centres"]
+            results[case.name, policy, what] = found
+        jobs.append((keyframe_count(args, case) * SECONDS_PER_KEYFRAME, f"{case.name}, {policy}, {what}", work))
+
     threads = ["1"] if args.quick else ["1", "2"]
-    stressed = names[:1] if args.quick else names
+    stressed = [name for name in names if name == "cuda" and not args.quick or name == names[0]]  # one core, and a device
     for case in made:
         for policy in names:
-            jobs += [(case, policy, f"run {n}", dict(run=f"run {n}", growth=True), []) for n in range(1, args.runs + 1)]
+            for n in range(1, args.runs + 1):
+                add_replay(case, policy, f"run {n}", dict(run=f"run {n}", growth=True), [])
         if not args.quick or not (case.command or case.options):
             for count in threads if "omp" in names else ():
-                more = dict(run=f"threads {count}", environment={"OMP_NUM_THREADS": count})
-                jobs.append((case, "omp", f"OMP_NUM_THREADS={count}", more, []))
-        if not case.command and "--imu" not in case.options and not args.no_times:
-            jobs += [(case, policy, "rate " + rate, {}, ["--rate", rate]) for policy in stressed for rate in RATES]
-    weights = [keyframe_count(args, case) for case, *_ in jobs]
-    shown, results = progress(weights), {}
-    for (case, policy, what, more, options), weight in zip(jobs, weights):
+                add_replay(case, "omp", f"OMP_NUM_THREADS={count}",
+                           dict(run=f"threads {count}", environment={"OMP_NUM_THREADS": count}), [])
+        if args.no_times:
+            continue
+        if not case.command and "--imu" not in case.options:
+            for policy in stressed:
+                for rate in RATES:
+                    add_replay(case, policy, "rate " + rate, {}, ["--rate", rate])
+            for policy in names[:1] if args.quick else names:
+                jobs.append(stages_alone(args, case, policy, alone))
+        if not case.command and "cuda" in names and (args.bin / KERNEL_TIMES).exists():
+            jobs.append((keyframe_count(args, case) * SECONDS_PER_KEYFRAME, f"{case.name}, kernels and transfers",
+                         lambda case=case: device.update({case.name: device_parts(args, case)})))
+    if not args.no_times:
+        jobs.append((SECONDS_OF_BUNDLE, "Ceres' clock", lambda: clock.append(ceres_clock(args))))
+        for problem in sorted(args.data.glob("bal*/problem*.txt")):
+            jobs.append((SECONDS_OF_BUNDLE, problem.stem, lambda problem=problem: bundle(args, problem, adjusted)))
+    jobs = [job for job in jobs if job]
+    shown = progress([weight for weight, *_ in jobs])
+    for weight, name, work in jobs:
         begin = time.monotonic()
-        fault = replays.simulate(case.folder, case.command) if case.command else None
-        found = {"failed": fault} if fault else replays.replay(args, case.folder, [*case.options, *options], policy=policy, **more)
-        results[case.name, policy, what] = found
-        shown.advance(weight, time.monotonic() - begin, f"{case.name}, {policy}, {what}")
-    return results
+        work()
+        shown.advance(weight, time.monotonic() - begin, name)
+    return results, clock[0] if clock else None, adjusted, alone, device
 
 
 # --- tables -------------------------------------------------------------------------------------------------------------
@@ -298,43 +329,59 @@ def shown_times(times):
     return {stage: f"{show(mean)} +- {show(deviation)}" for stage, (mean, deviation) in times.items()}
 
 
-def bundles(args):
-    """{name: JSON of turbomap-ceres-bundle, or of turbomap-bundle where Ceres is not} of the BAL files in DATA/bal*/."""
+def kept(program, name, command):
+    """The JSON that a program writes, of this run or of one before; None: it wrote none."""
+    result = program[0] / "results" / replays.digest(str(program[1])) / (name + ".json")
+    if not result.exists():
+        result.parent.mkdir(parents=True, exist_ok=True)
+        new = replays.unfinished(result)
+        subprocess.run([str(program[1]), *command, "--json", str(new)], capture_output=True)
+        if not new.exists():
+            return None
+        new.rename(result)
+    return json.loads(result.read_text())
+
+
+def bundle(args, problem, adjusted):
+    """Adds what turbomap-ceres-bundle says of a BAL file, or turbomap-bundle where Ceres is not."""
     program = next((p for p in (args.bin / "turbomap-ceres-bundle", args.bin / "turbomap-bundle") if p.exists()), None)
-    found = {}
-    for problem in sorted(args.data.glob("bal*/problem*.txt")) if program else ():
-        result = args.work / "results" / replays.digest(str(program)) / f"{problem.stem}.json"
-        if not result.exists():
-            result.parent.mkdir(parents=True, exist_ok=True)
-            unfinished = result.with_suffix(".new")
-            subprocess.run([str(program), str(problem), "--iterations", "50", "--repeat", "3", "--json", str(unfinished)],
-                           capture_output=True)
-            if not unfinished.exists():
-                continue
-            unfinished.rename(result)
-        found[problem.stem] = json.loads(result.read_text())
-    return found
+    found = kept((args.work, program), problem.stem, [str(problem), "--iterations", "50", "--repeat", "3"]) if program else None
+    if found:
+        adjusted[problem.stem] = found
 
 
-def stages_alone(args, made, names):
-    """{(recording, policy): {stage: {'ms_median': ..., 'oracle_ms_median': ...}}} of turbomap-bench on recorded snapshots."""
-    program, found, repetitions = args.bin / "turbomap-bench", {}, "5" if args.quick else "31"
-    for case in made if program.exists() else ():
-        if case.command or "--imu" in case.options or not json.loads((case.folder / "meta.json").read_text()).get("snapshots"):
+def stages_alone(args, case, policy, alone):
+    """The job that adds {stage: {'ms_median': ..., 'oracle_ms_median': ...}} of turbomap-bench on a recording's snapshots to
+    alone[case name, policy]; None: there are no snapshots, or there is no program."""
+    program, repetitions = args.bin / "turbomap-bench", "3" if args.quick else "5"
+    if not program.exists() or not json.loads((case.folder / "meta.json").read_text()).get("snapshots"):
+        return None
+
+    def work():
+        found = kept((args.work, program), f"stages_{case.folder.name}_{policy}_{repetitions}",
+                     ["--recording", str(case.folder), "--policy", policy, "--repetitions", repetitions])
+        if found:
+            alone[case.name, policy] = found.get("stages", {})
+    return SECONDS_OF_BENCH * int(repetitions), f"{case.name}, {policy}, stages alone", work
+
+
+def device_parts(args, case):
+    """{stage: (ms of kernels, ms of transfers) per keyframe} of creation and fusion on a device, by a replay of which CUPTI
+    records each kernel and copy. Programs without TURBOMAP_WITH_NVTX=1 do not name stages: {}."""
+    cupti = next((str(p) for p in map(pathlib.Path, CUPTI) if p.exists()), "")
+    done = subprocess.run([str(args.bin / "turbomap-replay"), str(case.folder), "--policy", "cuda", *args.options.split(),
+                           *(case.options or ["--no-imu"])], capture_output=True, text=True,
+                          env={**os.environ, "CUDA_INJECTION64_PATH": str(args.bin / KERNEL_TIMES), "NVTX_INJECTION64_PATH": cupti})
+    sums = {}
+    for line in done.stdout.partition("sums over the run")[2].split("\n")[2:]:
+        cells = line.split("|")
+        if len(cells) != 7:
             continue
-        for policy in names:
-            result = (args.work / "results" / replays.digest(str(program)) /
-                      f"stages_{case.folder.name}_{policy}_{repetitions}.json")
-            if not result.exists():
-                result.parent.mkdir(parents=True, exist_ok=True)
-                unfinished = result.with_suffix(".new")
-                subprocess.run([str(program), "--recording", str(case.folder), "--policy", policy, "--repetitions",
-                                repetitions, "--json", str(unfinished)], capture_output=True)
-                if not unfinished.exists():
-                    continue
-                unfinished.rename(result)
-            found[case.name, policy] = json.loads(result.read_text()).get("stages", {})
-    return found
+        stage = next((s for s in cells[6].split()[-1].split("/") if s in STAGES), None)
+        if stage:
+            kernels, copies = sums.get(stage, (0, 0))
+            sums[stage] = (kernels + float(cells[1].split()[1]), copies + float(cells[2].split()[1]))
+    return {stage: (a / keyframe_count(args, case), b / keyframe_count(args, case)) for stage, (a, b) in sums.items()}
 
 
 def table_ablation(found):
@@ -358,27 +405,34 @@ def table_ablation(found):
     return t
 
 
-def costs_over_time(found):
-    """[(ms, cost)] of ours; the start at 0."""
-    ours = found.get("turbomap", found)
-    return [(i * ours["ms_per_iteration"], cost) for i, cost in enumerate([ours["cost_initial"], *ours.get("costs", [])])]
+def costs_over_time(found, who="turbomap"):
+    """[(ms, cost)] of ours or of Ceres; the start at 0."""
+    run = found.get(who, found if who == "turbomap" else {})
+    costs = run.get("costs", [])
+    times = run.get("ms") or [(i + 1) * run["ms_per_iteration"] for i in range(len(costs))]
+    return [(0, run["cost_initial"]), *zip(times, costs)] if costs else []
 
 
 def best_cost(found):
     return min(cost for cost in (get(found.get("turbomap", found), "cost_final"), get(found, "ceres", "cost_final")) if cost is not None)
 
 
+def time_to_best(found, who="turbomap"):
+    """ms to within 1 % of the best cost."""
+    line, best = costs_over_time(found, who), best_cost(found)
+    return next((ms for ms, cost in line if cost <= 1.01 * best), "not reached") if line else None
+
+
 def table_bundle(found_by_name):
     t = table("Bundle adjustment of BAL files", "One thread, at most 50 iterations, medians of 3; ms without the set-up. The best cost: the "
               "lowest that ours or Ceres reached.", ["problem"])
     for name, found in found_by_name.items():
-        ours, best = found.get("turbomap", found), best_cost(found)
-        reached = [ms for ms, cost in costs_over_time(found) if cost <= 1.01 * best]
+        ours = found.get("turbomap", found)
         t.add([name], {"cost at the start": get(ours, "cost_initial"), "final cost": get(ours, "cost_final"),
                        "Ceres: final cost": get(found, "ceres", "cost_final"), "iterations": get(ours, "iterations"),
                        "ms per iteration": get(ours, "ms_per_iteration"),
                        "Ceres: ms per iteration": get(found, "ceres", "ms_per_iteration"),
-                       "ms to within 1 % of the best cost": reached[0] if reached else "not reached"})
+                       "ms to within 1 % of the best cost": time_to_best(found), "Ceres: the same": time_to_best(found, "ceres")})
     return t
 
 
@@ -437,18 +491,29 @@ def scaled(gains, clock):
     return t
 
 
-def table_breakdown(made, names, results):
-    t = table("Creation and fusion under the lock", "ms per keyframe: the whole stage, and how long of it the map's guard was held "
-              "(the rest reads copies).", ["recording", "policy"])
+def table_breakdown(made, names, results, device):
+    t = table("Creation and fusion: where the time goes", "ms per keyframe. Reading: the map's guard is held to copy what is searched. "
+              "Commit: it is held to apply what was found. The rest computes on copies, with appearances of the new points, and under cuda with "
+              "the transfers; kernels and transfers alone: of a second replay that a profiler recorded, with programs that name their stages.",
+              ["recording", "policy"])
     for case in made:
         for policy in names:
-            times, values = mean_times(keyframe_times(results, case, policy)[WARM_UP:]), {}
-            for stage in ("search", "creation", "fusion") if times else ():
-                values[stage] = times[stage][0]
-                held = [get(found, "guard_held", stage, "times", scale=get(found, "guard_held", stage, "ms_mean") or 0)
-                        for found in runs(results, case, policy)]
-                if None not in held:
-                    values[f"{stage}, guard held"] = min(held) / len(keyframe_times(results, case, policy)[WARM_UP:])
+            rows, values = keyframe_times(results, case, policy)[WARM_UP:], {}
+            found = runs(results, case, policy)
+            for stage in ("search", "creation", "fusion") if rows else ():
+                values[stage] = statistics.mean(row[stage] for row in rows)
+                held = [(get(f, "guard_held", stage, "times", scale=get(f, "guard_held", stage, "ms_mean") or 0),
+                         get(f, "guard_held", stage, "ms_commit")) for f in found]
+                if any(None in pair for pair in held):
+                    continue
+                commit, guard = min(c for _, c in held) / len(rows), min(g for g, _ in held) / len(rows)
+                if stage != "creation":
+                    values[f"{stage}: reading"] = guard - commit
+                values[f"{stage}: the rest"] = values[stage] - guard
+                if stage != "search":
+                    values[f"{stage}: commit"] = commit
+                if policy == "cuda" and stage in device.get(case.name, {}):
+                    values[f"{stage}: kernels"], values[f"{stage}: transfers"] = device[case.name][stage]
             t.add([case.name, policy], values)
     return t
 
@@ -475,6 +540,35 @@ def table_stress(made, names, results):
                 t.add([case.name, rate + "x", "peer"],
                       {"skipped adjustments": skipped["adjustment"], "skipped cullings": skipped["keyframe_culling"],
                        "skipped fusions": skipped["fusion"], "keyframes": len(peer), "latency, median": median, "latency, most": most})
+    return t
+
+
+def first_skips(rows, arrivals):
+    """{stage: the rate from which on it is skipped for some keyframe}, to 5 %, by peer_under_load; None: not up to 100."""
+    rows, first = [{**row, "arrival": arrival} for row, arrival in zip(rows, arrivals)], {}
+    rate = 0.1
+    while rate < 100 and len(first) < 3:
+        for stage, count in peer_under_load(rows, rate)[0].items():
+            if count:
+                first.setdefault(stage, rate)
+        rate *= 1.05
+    return first
+
+
+def table_first_skips(made, names, results):
+    t = table("From which rate on keyframes are skipped", "Times the recorded rate at which a stage is first skipped for some keyframe, to 5 %: "
+              "computed from the times per keyframe at the recorded rate, by the rule of the table above. seq is one core.",
+              ["recording", "who"])
+    for case in made:
+        peer = peer_rows(case.folder)
+        if not peer or case.options:
+            continue
+        arrivals = [row["arrival"] for row in peer]
+        for who in (*names, "peer"):
+            rows = peer if who == "peer" else keyframe_times(results, case, who)
+            if len(rows) == len(peer):
+                first = first_skips(rows, arrivals)
+                t.add([case.name, who], {stage: first.get(stage, "not up to 100") for stage in ("keyframe_culling", "adjustment", "fusion")})
     return t
 
 
@@ -528,7 +622,8 @@ def plots(made, names, results, adjusted):
     for name, found in adjusted.items():
         best = best_cost(found)
         line = [(ms, max(math.log10(cost / best), 0)) for ms, cost in costs_over_time(found)] if best > 0 else []
-        drawn[file_name("cost " + name)] = plot(f"{name}: cost over time", "ms", "log10 of cost / best cost", {"ours": line})
+        theirs = [(ms, max(math.log10(cost / best), 0)) for ms, cost in costs_over_time(found, "ceres")] if best > 0 else []
+        drawn[file_name("cost " + name)] = plot(f"{name}: cost over time", "ms", "log10 of cost / best cost", {"ours": line, "Ceres": theirs})
     for case in made:
         lines = {}
         for policy in names:
@@ -550,6 +645,17 @@ def plots(made, names, results, adjusted):
 
 def file_name(text):
     return "_".join("".join(c if c.isalnum() else " " for c in text).split())
+
+
+def table_plots(made, drawn, prefix):
+    """The plots that a page shows: time per keyframe of recordings, and costs of problems."""
+    t = table("Plots", "Time per keyframe over the run, while the map grows; costs over time of the problems above.", ["of"])
+    shown = {file_name("time " + case.name): case.name for case in made if not case.command}
+    shown.update({name: name.partition("_")[2] for name in drawn if name.startswith("cost_")})
+    for name, caption in shown.items():
+        if name in drawn:
+            t.add([caption], {"plot": f"![{caption}]({prefix}{name}.svg)"})
+    return t
 
 
 # --- output -------------------------------------------------------------------------------------------------------------
@@ -576,6 +682,19 @@ def page(tables, drawn):
             "</body></html>\n")
 
 
+def write_docs(path, tables, made, drawn):
+    """The page, the CSV beside it, and its plots in the folder figures/."""
+    prefix = f"figures/{path.stem}_"
+    shown = table_plots(made, drawn, prefix)
+    for _, values in shown.rows:
+        file = re.search(r"\(([^)]+)\)", values["plot"]).group(1)
+        (path.parent / file).parent.mkdir(exist_ok=True)
+        (path.parent / file).write_text(drawn[file[len(prefix):-len(".svg")]])
+    tables = [*tables, *([shown] if shown.rows else [])]
+    path.write_text(with_block(path.read_text(), tables))
+    write_csv(path.with_suffix(".csv"), tables)
+
+
 def check(path):
     text = path.read_text()
     try:
@@ -587,6 +706,14 @@ def check(path):
             sys.exit(f"evaluate: {path}:{line}: not what {path.with_suffix('.csv').name} says:\n  {has}\n  {should}")
     if text != wanted:
         sys.exit(f"evaluate: {path}: not what {path.with_suffix('.csv').name} says")
+    for plot_file in re.findall(r"!\[[^]]*\]\(([^)]+)\)", text):
+        if not (path.parent / plot_file).exists():
+            sys.exit(f"evaluate: {path}: there is no {plot_file}")
+    summary = next((t.note for t in read_csv(path.with_suffix(".csv")) if t.title == "Summary"), "")
+    first = re.search(r"^# .*\n+((?:.+\n)+)", text, re.MULTILINE)
+    for stage in sorted(set(re.findall(r", (\w+): [\d.]+", summary))):
+        if stage.replace("_", " ") not in (first.group(1) if first else ""):
+            sys.exit(f"evaluate: {path}: {stage} is below the paper's gain somewhere, and the first paragraph does not say so")
     return 0
 
 
@@ -602,11 +729,11 @@ def main():
     names, made = policies(args), all_cases(args)
     if not names or not made:
         sys.exit("evaluate: there is nothing to replay: no policy or no recording")
+    replays.sweep(args.work)
     try:
-        results = run_all(args, made, names)
+        results, clock, adjusted, alone, device = run_all(args, made, names)
     except KeyboardInterrupt:
         sys.exit(f"\nevaluate: stopped. What is done is kept in {args.work}: the same command goes on from there")
-    clock, adjusted, alone = (None, {}, {}) if args.no_times else (ceres_clock(args), bundles(args), stages_alone(args, made, names))
     times, gains, sentence = table_one(made, names, results)
     if args.no_times:
         sentence = "Errors and determinism only; times were left out."
@@ -619,8 +746,9 @@ def main():
     if args.no_times:
         tables += [errors_of(times), table_determinism(made, results)]
     else:
-        tables += [times, gains, scaled(gains, clock), table_breakdown(made, names, results), table_stress(made, names, results),
-                   table_ablation(alone), table_determinism(made, results), table_bundle(adjusted)]
+        tables += [times, gains, scaled(gains, clock), table_breakdown(made, names, results, device),
+                   table_stress(made, names, results), table_first_skips(made, names, results), table_ablation(alone),
+                   table_determinism(made, results), table_bundle(adjusted)]
     if faults:
         failed = table("Failed", "What went wrong.", ["recording", "policy", "what"])
         for name, policy, what, fault in faults:
@@ -630,14 +758,16 @@ def main():
     drawn = {} if args.no_times else plots(made, names, results, adjusted)
     args.out.mkdir(parents=True, exist_ok=True)
     write_csv(args.out / "evaluation.csv", tables)
-    (args.out / "evaluation.md").write_text("# Evaluation of local mapping\n\n" + block(tables) + "\n")
+    shown = [*tables, *([table_plots(made, drawn, "")] if drawn else [])]
+    (args.out / "evaluation.md").write_text("# Evaluation of local mapping\n\n" + block(shown) + "\n")
     (args.out / "evaluation.html").write_text(page(tables, drawn))
     for name, svg in drawn.items():
         (args.out / (name + ".svg")).write_text(svg)
     if args.docs:
-        args.docs.write_text(with_block(args.docs.read_text(), tables))
-        write_csv(args.docs.with_suffix(".csv"), tables)
-    print(f"{sentence}\n{args.out}: evaluation.html, .md, .csv and {len(drawn)} plots")
+        write_docs(args.docs, tables, made, drawn)
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    print(f"{sentence}\n{args.out}: evaluation.html, .md, .csv and {len(drawn)} plots; "
+          f"the programs took {minutes(used.ru_utime + used.ru_stime)} of processor time in this run")
     return 1 if faults else 0
 
 

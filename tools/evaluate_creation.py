@@ -90,20 +90,33 @@ def simulated(args):
     return made
 
 
+def unfinished(path):
+    """Where what becomes `path` is written. A run that was killed may leave a program behind that still writes to its own."""
+    return path.with_name(f"{path.name}.{os.getpid()}.new")
+
+
+def sweep(work):
+    """Removes what runs that were killed left unfinished."""
+    for left in [*work.glob("recordings/*.new"), *work.glob("results/*/*.new")]:
+        pid = left.name.split(".")[-2]
+        if not pid.isdigit() or not pathlib.Path("/proc", pid).exists():
+            shutil.rmtree(left, ignore_errors=True) if left.is_dir() else left.unlink(missing_ok=True)
+
+
 def simulate(folder, command):
     """None, or what went wrong. A recording that another simulator made is made anew."""
     made_by = folder / "made_by.txt"
     mark = digest(command[0]) + " " + " ".join(command[1:])
     if made_by.exists() and made_by.read_text() == mark:
         return None
-    unfinished = folder.with_name(folder.name + ".new")
-    shutil.rmtree(unfinished, ignore_errors=True)
-    done = subprocess.run([*command, "--out", str(unfinished)], capture_output=True, text=True)
+    new = unfinished(folder)
+    shutil.rmtree(new, ignore_errors=True)
+    done = subprocess.run([*command, "--out", str(new)], capture_output=True, text=True)
     if done.returncode != 0:
         return done.stderr.strip()
-    (unfinished / "made_by.txt").write_text(mark)
+    (new / "made_by.txt").write_text(mark)
     shutil.rmtree(folder, ignore_errors=True)
-    unfinished.rename(folder)
+    new.rename(folder)
     return None
 
 
@@ -152,21 +165,23 @@ def replay(args, folder, options, policy=None, run="", growth=False, environment
         if kept.get("made_by", "") == mark:
             return kept
     result.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = result.with_suffix(".new")
+    new, growth_file = unfinished(result), result.with_suffix(".csv")
+    new_growth = unfinished(growth_file)
     if growth:
-        options = [*options, "--growth-file", str(result.with_suffix(".csv"))]
-    done = subprocess.run([program, str(folder), *options, "--json", str(unfinished)], capture_output=True, text=True,
+        options = [*options, "--growth-file", str(new_growth)]
+    done = subprocess.run([program, str(folder), *options, "--json", str(new)], capture_output=True, text=True,
                           env={**os.environ, **(environment or {})})
-    if not unfinished.exists():
+    if not new.exists():
         return {"failed": done.stderr.strip() or f"exit status {done.returncode}"}
-    found = json.loads(unfinished.read_text())
+    found = json.loads(new.read_text())
     if done.returncode != 0:
         found["failed"] = f"exit status {done.returncode}"
     found["made_by"] = mark
-    if growth:
-        found["growth_file"] = str(result.with_suffix(".csv"))
-    unfinished.write_text(json.dumps(found))
-    unfinished.rename(result)
+    if growth and new_growth.exists():
+        new_growth.rename(growth_file)
+        found["growth_file"] = str(growth_file)
+    new.write_text(json.dumps(found))
+    new.rename(result)
     return found
 
 

@@ -82,10 +82,15 @@ struct ceres_bal_reprojection {
 struct ceres_result {
   double ms_setup = 0, ms_solve = 0, ms_per_iteration = 0, cost_initial = 0, cost_final = 0;
   int iterations = 0, accepted = 0;
+  std::vector<double> costs, ms;  ///< after each iteration; ms since the start of the first
 
   nlohmann::json json(double scale) const {
+    std::vector<double> scaled;
+    for (const double cost : costs) scaled.push_back(scale * cost);
     return {{"cost_initial", scale * cost_initial},
             {"cost_final", scale * cost_final},
+            {"costs", scaled},
+            {"ms", ms},
             {"iterations", iterations},
             {"accepted", accepted},
             {"ms_setup", ms_setup},
@@ -113,6 +118,11 @@ inline ceres_result run_ceres(ceres::Problem& problem, const arguments& a, const
   r.iterations = static_cast<int>(s.iterations.size()) - 1;  // the first is the evaluation at the start
   r.accepted = s.num_successful_steps - 1;
   r.cost_initial = s.initial_cost, r.cost_final = s.final_cost;
+  for (int i = 1; i <= r.iterations; ++i) {
+    const auto& step = s.iterations[static_cast<std::size_t>(i)];
+    r.costs.push_back(step.cost);
+    r.ms.push_back(1e3 * (step.cumulative_time_in_seconds - s.preprocessor_time_in_seconds));
+  }
   r.ms_solve = 1e3 * s.minimizer_time_in_seconds, r.ms_setup = ms_setup + 1e3 * s.preprocessor_time_in_seconds;
   r.ms_per_iteration = r.iterations > 0 ? r.ms_solve / r.iterations : 0;
   return r;
