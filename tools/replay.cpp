@@ -17,6 +17,7 @@
 #include <CLI/CLI.hpp>
 
 #include "replay/arguments.hpp"
+#include "replay/many_mappers.hpp"
 #include "replay/print_outcome.hpp"
 
 namespace {
@@ -125,6 +126,10 @@ int main(int argc, char** argv) try {
                  "times side by side")
       ->delimiter(',')
       ->check(CLI::IsMember({"seq", "omp", "tbb", "cuda", "all"}));
+  std::size_t mappers = 1;
+  app.add_option("--mappers", mappers,
+                 "so many replays at a time, each on a thread of its own: how many keyframes they map together")
+      ->check(CLI::Range(1, 1000));
   std::string map = "simple";
   app.add_option("--map", map,
                  "how the map is stored: flat arrays, or objects with locks and getters that copy, as in the field "
@@ -269,7 +274,9 @@ int main(int argc, char** argv) try {
   if (a.beside == std::vector<std::string>{"all"}) a.beside = other_policies(a.policy);
   if (a.check && !a.beside.empty()) throw std::invalid_argument("--beside: not together with --check");
 
-  outcome result = run(a);
+  if (mappers > 1 && (a.check || !a.beside.empty() || a.growth))
+    throw std::invalid_argument("--mappers: not together with --check, --beside or --growth");
+  outcome result = mappers > 1 ? turbomap_replay::replay_side_by_side(a, mappers, run) : run(a);
   if (a.check) std::printf("%s\n%s\n", result.json.dump(2).c_str(), result.good ? "check: all agree" : "check: FAILED");
   if (!a.beside.empty()) run_beside(a, result);
   if (!a.json.empty()) {

@@ -59,6 +59,14 @@ awk -F '[:,]' '
     exit 1
   }' "$json"
 
+# Two mappers at a time make the same map as one.
+digest=$(grep -o '"map_digest": *"[^"]*"' "$json")
+"$1" "$2" --policy "$3" --global-adjustment end --global-rounds 2 --mappers 2 --json "$json"
+if ! grep -q '"same_map": true' "$json" || [ "$(grep -o '"map_digest": *"[^"]*"' "$json")" != "$digest" ]; then
+  echo "demo.sh: --mappers: not the map of one: $digest, $(cat "$json")" >&2
+  exit 1
+fi
+
 # Options that would do nothing are refused, by their names.
 said=$(mktemp)
 trap 'rm -f "$json" "$said"' EXIT

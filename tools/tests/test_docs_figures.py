@@ -1,0 +1,73 @@
+# SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+# SPDX-License-Identifier: Apache-2.0
+"""That figures of the documentation can be printed again. README.md and docs/comparison.md show none of ours but those of a page that
+tools/evaluate.py wrote, with a link to it, or such as stand beside their command; each section of docs/performance.md that has a table names
+a command."""
+
+import csv
+import pathlib
+import re
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
+FIGURE = re.compile(r"(\d[\d,.]*\d|\d)\s?(?:ms|us|s|x|times|%|mm|cm|[KMG]B)(?![\w-])")
+COMMAND = re.compile(r"`[^`]*(?:turbomap-[a-z]|tools/|tests/|g\+\+|nvcc|cmake)[^`]*`|^    \S", re.MULTILINE)
+OF_OTHERS = ("Figures of theirs", "Sources")  # sections of docs/comparison.md
+
+
+def sections(text):
+    """(title, body), the body without that of the sections below it."""
+    text = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
+    parts = re.split(r"^#+ (.*)$", text, flags=re.MULTILINE)
+    return list(zip(parts[1::2], parts[2::2]))
+
+
+def evaluated(page):
+    """All numbers of a page that tools/evaluate.py wrote."""
+    with open((ROOT / "docs" / page).with_suffix(".csv"), newline="") as file:
+        return {number for row in csv.DictReader(file) for number in re.findall(r"\d[\d.,]*\d|\d", row["value"])}
+
+
+def without_source(text):
+    """Lines with a figure that nothing prints."""
+    bad = []
+    for title, body in sections(text):
+        for line in body.split("\n") if title not in OF_OTHERS else ():
+            figures = FIGURE.findall(line)
+            pages = re.findall(r"\((?:docs/)?(evaluation(?:_h200)?\.md)", line)
+            known = set().union(*(evaluated(page) for page in pages))
+            if figures and not COMMAND.search(line) and not set(figures) <= known:
+                bad.append(line)
+    return bad
+
+
+def without_command(text):
+    """Sections with a table of figures and without a command."""
+    titles = [title for title, body in sections(text) if re.search(r"^\|[^\n]*\d", body, re.MULTILINE) and not COMMAND.search(body)]
+    return [title for title in titles if title != "At a glance"]  # whose rows link to the others
+
+
+class docs_figures(unittest.TestCase):
+    def test_pages(self):
+        for page in ("README.md", "docs/comparison.md"):
+            self.assertEqual(without_source((ROOT / page).read_text()), [], page)
+        text = (ROOT / "docs/performance.md").read_text()
+        self.assertEqual(without_command(text), [])
+        for words in ("no command prints", "patched"):
+            self.assertNotIn(words, text)
+
+    def test_figures_are_found(self):
+        known = next(n for n in sorted(evaluated("evaluation.md")) if "." in n)
+        for line in ("It takes 22.5 ms.", "14x as fast", "Errors are 30 % lower", f"{known} ms", "See [it](evaluation.md): 123456.789 ms"):
+            self.assertEqual(without_source(f"# T\n{line}\n"), [line])
+        for line in ("two keyframes, 1 m apart", "C++17", "CMake 3.22", f"[that](evaluation.md#a): {known} ms", "22.5 ms: `turbomap-replay RECORDING`"):
+            self.assertEqual(without_source(f"# T\n{line}\n"), [])
+        self.assertEqual(without_source("# Figures of theirs\n41 times\n"), [])
+
+    def test_sections_without_a_command_are_found(self):
+        table = "| a | ms |\n|---|---|\n| b | 3 |\n"
+        self.assertEqual(without_command(f"# P\n## A\n{table}## B\nBy `turbomap-bench`:\n{table}"), ["A"])
+
+
+if __name__ == "__main__":
+    unittest.main()
