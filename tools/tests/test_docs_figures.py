@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 # SPDX-License-Identifier: Apache-2.0
 """That figures of the documentation can be printed again. README.md and docs/comparison.md show none of ours but those of a page that
-tools/evaluate.py wrote, with a link to it, or such as stand beside their command; each section of docs/performance.md that has a table names
-a command."""
+tools/evaluate.py wrote, with a link to it, or such as stand beside their command; what is said above such a page's tables is in them, or in a page
+that the paragraph links to; each section of docs/performance.md that has a table names a command."""
 
 import csv
 import pathlib
@@ -41,6 +41,16 @@ def without_source(text):
     return bad
 
 
+def not_in_the_tables(text, known):
+    """Paragraphs above the tables that tools/evaluate.py wrote with a figure that is neither known nor in a page that they link to."""
+    bad = []
+    for paragraph in text.partition("<!-- evaluate: begin -->")[0].split("\n\n"):
+        linked = {n for page in re.findall(r"\((\w+\.md)", paragraph) for n in re.findall(r"\d[\d.,]*\d|\d", (ROOT / "docs" / page).read_text())}
+        if set(FIGURE.findall(paragraph)) - known - linked:
+            bad.append(paragraph)
+    return bad
+
+
 def without_command(text):
     """Sections with a table of figures and without a command."""
     titles = [title for title, body in sections(text) if re.search(r"^\|[^\n]*\d", body, re.MULTILINE) and not COMMAND.search(body)]
@@ -55,6 +65,13 @@ class docs_figures(unittest.TestCase):
         self.assertEqual(without_command(text), [])
         for words in ("no command prints", "patched"):
             self.assertNotIn(words, text)
+
+    def test_what_is_said_of_the_tables(self):
+        for page in ("evaluation.md", "evaluation_h200.md"):
+            self.assertEqual(not_in_the_tables((ROOT / "docs" / page).read_text(), evaluated(page)), [], page)
+        end = "\n\n<!-- evaluate: begin -->\n77 ms"
+        self.assertEqual(not_in_the_tables("# T\n\nIt takes 5.5 ms." + end, {"5.5"}), [])
+        self.assertEqual(not_in_the_tables("# T\n\nIt takes 5.4 ms." + end, {"5.5"}), ["It takes 5.4 ms."])
 
     def test_figures_are_found(self):
         known = next(n for n in sorted(evaluated("evaluation.md")) if "." in n)
