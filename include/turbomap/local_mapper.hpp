@@ -277,10 +277,16 @@ class local_mapper {
     if constexpr (!is_mirrored_v<Map>) {
       return current;
     } else {
-      const auto guard = scope_of(mapping_stage::process).guard();
-      working_.begin();
-      const stage_keyframe k = working_.number(current);
-      working_.take_associations(k);
+      const scope s = scope_of(mapping_stage::process);
+      stage_keyframe k;
+      std::size_t slot = 0;
+      s.in_parts(
+          [&] {
+            working_.begin();
+            k = working_.number(current);
+          },
+          [] {}, [&](std::size_t most) { return working_.take_associations(k, slot, most); });
+      const auto guard = s.guard();
       report_.healed = working_.check_sample(options_.checked_share);  // what tracking need not report is known by now
       probation_.watch(watched_.take(working_), iteration_);
       return k;

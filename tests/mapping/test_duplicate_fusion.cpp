@@ -168,6 +168,7 @@ TEST_CASE_TEMPLATE("a map without covariances is fused as one that keeps them", 
 
 TEST_CASE("what died between search and commit is stale") {
   prepared<watched_map<mapped_descriptor>> p;
+  p.options.commit.entries_per_guard = 0;  // the snapshot, then the commit
   auto& map = p.run.map;
   const auto query = p.run.keyframes().back();
   int times = 0;

@@ -331,6 +331,32 @@ TEST_CASE("a merge of others is followed through points that the mirror has neve
   CHECK(f.m.name(turbomap::resolve(f.m, p)) == last);
 }
 
+TEST_CASE("associations are read in parts; what was read before somebody said that all has changed is read anew") {
+  for (const bool said : {false, true}) {
+    CAPTURE(said);
+    furnished f(9);
+    auto& map = f.m.objects;
+    auto* const p = user_traits::add_point(map, {1, 2, 3}, f.keyframe());
+    auto* const k = turbomap_test::insert_keyframe(map, random_keypoints(1, 2, 8, 20), 10, nullptr);
+    REQUIRE(turbomap::observe(map, p, k, 0));
+    auto* const last = f.point();
+    REQUIRE(turbomap::observe(map, last, k, 39));
+    const auto number = f.m.number(k);
+    std::size_t slot = 0;
+    REQUIRE(f.m.take_associations(number, slot, 30));
+    CHECK(slot > 0);
+    CHECK(slot < 39);
+    turbomap::forget(map, k, 0);  // others hold the guard between two parts
+    if (said) f.m.refresh();
+    turbomap::hear_refresh(static_cast<const turbomap::map_mirror<pointer_map>&>(f.m));
+    while (f.m.take_associations(number, slot, 1)) {
+    }
+    CHECK(slot == 40);
+    CHECK((traits::point_at(f.m, number, 0) == turbomap::map_point_id{}) == said);
+    CHECK(f.m.name(traits::point_at(f.m, number, 39)) == last);
+  }
+}
+
 TEST_CASE(
     "points forget a keyframe that is taken out before its slots were read, and the mirror lets go of what others "
     "erase") {

@@ -109,14 +109,14 @@ outcome last_keyframe(const mapping_case<pinhole_camera>& c, const mapping_scene
   return o;
 }
 
-TEST_CASE("the same map, however long the parts are") {
+TEST_CASE_TEMPLATE("the same map, however long the parts are", Map, watched, mirrored_map) {
   const auto whole = parted_case(0);
   const mapping_scene<pinhole_camera> scene(whole.rig, whole.recipe);
-  run_type expected(scene, whole.options);
+  run_of<Map> expected(scene, whole.options);
   expected.steps(before + 2);
   const long held = expected.map.watch.taken;
   for (const int most : {1, 50, 100000}) {
-    run_type run(scene, parted_case(most).options);
+    run_of<Map> run(scene, parted_case(most).options);
     run.steps(before + 2);
     CHECK(content(run.map) == content(expected.map));
     CHECK((run.map.watch.taken > held) == (most < 100000));
@@ -147,16 +147,17 @@ TEST_CASE("the whole map is moved between any two parts") {
   CHECK(not_created == 1);
 }
 
-// What was copied before the move must not be solved with what was moved. (Ranges of points wait for the next keyframe: only then
-// is the report of the move heard.)
+// What was copied before the move must not be solved with what was moved, nor ranges computed from both.
 TEST_CASE("the whole map is moved between any two parts of what reads a copy of it") {
   const auto c = parted_case(40);
   const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
   const outcome undisturbed = last_keyframe<mirrored_map>(c, scene, -1);
   CHECK(undisturbed.guards > 60);
+  CHECK(undisturbed.worst_range < 1e-5);
   for (int g = 0; g < undisturbed.guards; ++g) {
     CAPTURE(g);
     const outcome o = last_keyframe<mirrored_map>(c, scene, g);
+    CHECK(o.worst_range < 1e-5);
     REQUIRE(o.centres.size() == undisturbed.centres.size());
     for (std::size_t k = 0; k < o.centres.size(); ++k) CHECK((o.centres[k] - undisturbed.centres[k]).norm() < 0.1);
   }

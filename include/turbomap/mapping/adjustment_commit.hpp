@@ -90,12 +90,13 @@ class adjustment_commit {
   template <class More>
   void operator()(const scope& s, const local_adjustment_options& options, local_adjustment_summary& summary,
                   More more) {
+    known_ = window_.frames().T_cw();
+    find_rows_beyond_gates(options);
     {
       const auto guard = s.guard();
-      known_ = window_.frames().T_cw();
       if (!poses_are_known(s.map) || !more_is_known(s.map, more)) summary.stale = true;
       if (summary.stale) return;
-      find_outliers(s.map, options, s.faults);
+      find_outliers(s.map, s.faults);
       lost_views_.reserve(outliers_.size());
       write_poses(s.map, more);
       const auto most = static_cast<std::size_t>(options.points_per_guard);
@@ -199,16 +200,21 @@ class adjustment_commit {
     const double near = depth[row] < options.near_depth ? options.near_mono_factor : 1;
     return near * options.outlier_factor * options.mono_chi2;
   }
-  /// Rows beyond their gate that the map still has. Throws inconsistent_map before anything is written.
-  void find_outliers(const Map& map, const local_adjustment_options& options, fault_sink faults) {
-    outliers_.clear();
-    checks_.assign(points().size(), unchecked);
+  /// What may be outliers; no guard is needed for it.
+  void find_rows_beyond_gates(const local_adjustment_options& options) {
+    beyond_.clear();
     for (std::size_t i = 0; i < window_.row_count(); ++i) {
       const bool fits = chi2[i] <= gate_of(i, options);
-      if (fits && (depth[i] > 0 || !measurements_.is_straight(i))) continue;
+      if (!fits || !(depth[i] > 0 || !measurements_.is_straight(i))) beyond_.push_back(i);
+    }
+  }
+  /// Those of them that the map still has. Throws inconsistent_map before anything is written.
+  void find_outliers(const Map& map, fault_sink faults) {
+    outliers_.clear();
+    checks_.assign(points().size(), unchecked);
+    for (const std::size_t i : beyond_)
       if (unmoved(map, static_cast<std::size_t>(window_.at(i).landmark)) && is_held(map, i, faults))
         outliers_.push_back(i);
-    }
   }
 
   const list_of<point>& points() const { return window_.points(); }
@@ -218,7 +224,7 @@ class adjustment_commit {
   const adjustment_window<Map>& window_;
   const window_measurements<Map, Policy>& measurements_;
   plain_vector<rigid_transform<double>> known_;  ///< by frame, as this commit read or wrote it last
-  plain_vector<std::size_t> outliers_;           ///< rows
+  plain_vector<std::size_t> beyond_, outliers_;  ///< rows beyond their gate; those of them that are taken out
   plain_vector<std::uint8_t> checks_;            ///< by point, since the guard was taken
   list_of<point> lost_views_;
 };

@@ -37,7 +37,7 @@ struct local_adjustment_options {
   int fewest_measurements = 2;    ///< a point dies when outliers leave it so many measurements or fewer
   /// A result of more points than this, an outlier counting as four, is written in parts of this size, so that others may enter
   /// in between: the poses first. Chosen for less than 1 ms on one core of 2025; 0: always all while the guard is held once.
-  int points_per_guard = 4096;
+  int points_per_guard = 1024;
 
   /// The defaults.
   local_adjustment_options() {

@@ -36,6 +36,11 @@ template <class Map>
 void forget_copy([[maybe_unused]] const Map& map) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::forget_copy(map);
 }
+/// The same, if it was reported that everything may have changed: for whoever takes the guard.
+template <class Map>
+void hear_refresh([[maybe_unused]] const Map& map) {
+  if constexpr (is_copy_v<Map>) map_traits<Map>::hear_refresh(map);
+}
 /// Whether a point is alive.
 template <class Map>
 void look_whether_alive([[maybe_unused]] const Map& map,

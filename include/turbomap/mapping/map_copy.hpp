@@ -120,6 +120,7 @@ class map_copy {
   }
   /// Everything is to be read anew when it is next asked for.
   void forget_all() {
+    forgotten_ = true;
     for (std::size_t p = 1; p < points.size(); ++p) points.entries[p].read = 0;
     for (std::size_t k = 1; k < keyframes.size(); ++k) keyframes[k].read = 0;
   }
@@ -152,7 +153,7 @@ class map_copy {
   }
   /// One slot: points that came into it, or left it, are to be read anew. \return whether it was not as it was last seen
   bool read_slot(std::size_t k, std::size_t i, const user_keyframe& name) {
-    const point now = number(user_traits::point_at(map_, name, i));
+    const point now = number_in_slot(k, i, name);
     point& slot = keyframes[k].slots[i];
     const point before = slot;
     slot = now;
@@ -162,25 +163,34 @@ class map_copy {
     return true;
   }
   /// Reads pose and slots of a keyframe that tracking hands over: its points are observed by it. That is all that tracking is
-  /// taken to have changed of points that have been read before.
-  void take_associations(keyframe k) {
-    if (!keyframes.known(k)) return;
+  /// taken to have changed of points that have been read before. In parts, between which others may change the user's map.
+  /// \param slot  the next one that is read, 0 at first  \param most  so much is read now: a slot is one, one with another point
+  ///              than before four, and two keypoints are one
+  /// \return whether some are left
+  bool take_associations(keyframe k, std::size_t& slot, std::size_t most) {
+    if (!keyframes.known(k) || !keyframes.alive(k.index)) return false;
     const user_keyframe name = keyframes[at(k)].name;
+    if (!user_traits::alive(map_, name)) return lose_keyframe(at(k)), false;
     keyframes[at(k)].read = 0;  // until all of it is
+    if (slot == 0) forgotten_ = false;
     read_pose(at(k), name);
-    keypoints(at(k));
-    for (std::size_t i = 0; i < keyframes[at(k)].slots.size(); ++i) {
-      const point before = keyframes[at(k)].slots[i], now = number(user_traits::point_at(map_, name, i));
+    const bool first = !keyframes[at(k)].has_keypoints;
+    const std::size_t slots = keypoints(at(k)).size();
+    for (std::size_t done = first ? slots / 2 : 0; slot < slots && done < most; ++slot, ++done) {
+      const point before = keyframes[at(k)].slots[slot], now = number_in_slot(at(k), slot, name);
       if (now == before) continue;
-      const observation o{k.index, static_cast<std::int32_t>(i)};
-      if (points.known(now) && points.entries[at(now)].read != 0 && !lists(now, at(k), i)) {
+      done += 3;
+      const observation o{k.index, static_cast<std::int32_t>(slot)};
+      if (points.known(now) && points.entries[at(now)].read != 0 && !lists(now, at(k), slot)) {
         points.lists.add(at(now), o);
         count_octaves(at(now));
       }
-      keyframes[at(k)].slots[i] = now;
+      keyframes[at(k)].slots[slot] = now;
       if (points.known(before) && points.lists.erase(at(before), o)) count_octaves(at(before));
     }
-    keyframes[at(k)].read = 1;
+    if (slot < slots) return true;
+    keyframes[at(k)].read = forgotten_ ? 0 : 1;  // 0: the parts before are of another time
+    return false;
   }
   /// It is not alive in the user's map: its points are to be read anew.
   void lose_keyframe(std::size_t k) {
@@ -273,6 +283,13 @@ class map_copy {
   void forget_slots_of_old_list() {
     for (const observation& o : old_) keyframes[static_cast<std::size_t>(o.keyframe)].read = 0;
   }
+  /// What a slot holds now. Most often what it held before: its name tells, and nothing has to be looked up.
+  point number_in_slot(std::size_t k, std::size_t i, const user_keyframe& name) {
+    const user_point now = user_traits::point_at(map_, name, i);
+    const point before = keyframes[k].slots[i];
+    const bool same = points.known(before) && points.alive(before.index) && points.names[at(before)] == now;
+    return same ? before : number(now);
+  }
   /// Whether a point that has been read lists the keypoint.
   bool lists(point p, std::size_t k, std::size_t i) const {
     if (!points.known(p)) return false;
@@ -312,6 +329,7 @@ class map_copy {
   }
 
   Map& map_;
+  bool forgotten_ = false;                   ///< forget_all() came, since take_associations() began
   plain_vector<observation> scratch_, old_;  ///< observations of the list that is read, as they are and as they were
 };
 

@@ -51,7 +51,8 @@ class map_mirror {
   /// What was read of it; a read of what is not here yet fills it in, also of a mirror that is const.
   map_copy<Map>& copy() const { return copy_; }
 
-  // ---- what others report; from any thread, with or without the guard; heard when the next keyframe is processed ----
+  // ---- what others report; from any thread, with or without the guard; heard when the next keyframe is processed, refresh()
+  //      when the guard is next taken ----
 
   /// The point is another than it was: position, observations, whatever it has.
   void changed(const user_point& p) { reports_.add(p); }
@@ -89,6 +90,11 @@ class map_mirror {
       throw;
     }
   }
+  /// Everything is to be read anew if somebody has reported so since begin(): what is asked for from now on is of one time with
+  /// what a stage reads from the user's map itself.
+  void hear_refresh() const {
+    if (reports_.take_all()) copy_.forget_all();
+  }
   /// Compares one keyframe and a share of all points with the user's map, the next ones at each call, and reads anew those that
   /// differ. \return how many did
   std::size_t check_sample(double share) { return sample_.check(copy_, share); }
@@ -104,7 +110,9 @@ class map_mirror {
   /// Is to be read anew when it is next asked for.
   void forget(point p) const { copy_.forget(p); }
   /// See map_copy.
-  void take_associations(keyframe k) const { copy_.take_associations(k); }
+  bool take_associations(keyframe k, std::size_t& slot, std::size_t most) const {
+    return copy_.take_associations(k, slot, most);
+  }
   /// Reads pose and slots of a keyframe now: points that came into its slots, or left them, are to be read anew.
   void read_again(keyframe k) const {
     if (copy_.keyframes.known(k)) copy_.read_keyframe(copy_.at(k));
@@ -122,7 +130,7 @@ class map_mirror {
  private:
   mutable map_copy<Map> copy_;
   mirror_sample<Map> sample_;
-  mirror_reports<Map> reports_;
+  mutable mirror_reports<Map> reports_;
 };
 
 TURBOMAP_END_NAMESPACE

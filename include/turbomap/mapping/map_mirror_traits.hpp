@@ -227,6 +227,7 @@ struct map_traits<map_mirror<Map>> {
   static void look_again(const mirror& m, keyframe k) { detail::look_at_keyframe(m.copy(), k); }
   static void look_again(const mirror& m, keyframe k, std::size_t i) { detail::look_at_slot(m.copy(), k, i); }
   static void forget_copy(const mirror& m) { m.copy().forget_all(); }
+  static void hear_refresh(const mirror& m) { m.hear_refresh(); }
   static void look_whether_alive(const mirror& m, point p) { detail::look_whether_alive(m.copy(), p); }
   static void look_at_position(const mirror& m, point p) { detail::look_at_position(m.copy(), p); }
   static bool look_at_all(const mirror& m, keyframe k, int fewest) { return detail::look_at_all(m.copy(), k, fewest); }

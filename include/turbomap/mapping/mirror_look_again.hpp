@@ -72,17 +72,18 @@ void look_at_position(map_copy<Map>& copy, map_point_id p) {
     copy.read_position(copy.at(p), name);
 }
 
-/// As measurement_count(), of all keyframes but one.
+/// As has_more_measurements(), of all keyframes but one.
 template <class Map>
-int measurements_without(map_copy<Map>& copy, std::size_t p, std::int32_t k) {
+bool has_more_measurements_without(map_copy<Map>& copy, std::size_t p, std::int32_t k, int fewest) {
   int count = 0;
   for (const observation& o : copy.points.lists.of(p)) {
     if (o.keyframe == k || o.keyframe == copy.gone) continue;
     const auto& all = copy.keypoints(static_cast<std::size_t>(o.keyframe));
     const auto i = static_cast<std::size_t>(o.keypoint);
     if (i < all.size()) count += all[i].u_right >= 0 ? 2 : 1;
+    if (count > fewest) return true;
   }
-  return count;
+  return false;
 }
 /// All of a keyframe that is to be erased. Points that keep more than `fewest` measurements without it, and their reference, only
 /// lose a view: that their slot holds them is enough. The others are read anew. \return whether anything had changed
@@ -97,7 +98,7 @@ bool look_at_all(map_copy<Map>& copy, map_keyframe_id k, int fewest) {
     const auto name = copy.name(p);
     const bool read = copy.points.entries[copy.at(p)].read != 0;
     if (read && user::alive(copy.map(), name) && !(user::reference(copy.map(), name) == copy.name(k)) &&
-        measurements_without(copy, copy.at(p), k.index) > fewest)
+        has_more_measurements_without(copy, copy.at(p), k.index, fewest))
       continue;
     if (read && is_current(copy, copy.at(p))) continue;
     differs = true;

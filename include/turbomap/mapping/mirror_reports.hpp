@@ -4,7 +4,7 @@
 
 /// \file
 /// What others say they have changed in a map that is mirrored. They may say so at any time; the mirror hears it when the next
-/// keyframe is processed.
+/// keyframe is processed, and that everything may have changed when the guard is next taken.
 
 #include <mutex>
 #include <utility>
@@ -50,6 +50,12 @@ class mirror_reports {
     const std::lock_guard<std::mutex> lock(mutex_);
     std::swap(taken, reported_);
     return taken;
+  }
+
+  /// Whether everything may have changed; that is not reported afterwards.
+  bool take_all() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return std::exchange(reported_.all, false);
   }
 
  private:

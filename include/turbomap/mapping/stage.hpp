@@ -26,16 +26,20 @@
 #include "../store/keyframe_store.hpp"
 #include "guard_times.hpp"
 #include "handle_table.hpp"
+#include "look_again.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Holds map_guard(map) while it lives, and notes for how long. Waiting for the guard does not count.
+/// Holds map_guard(map) while it lives, and notes for how long. Waiting for the guard does not count. A mirror hears at once that the
+/// whole map was moved: a stage reads some things from the map and others from its mirror.
 template <class Map>
 class timed_guard {
  public:
   /// Waits for the guard. \param commits  held to apply what creation or fusion found
   timed_guard(Map& map, guard_times& times, bool commits = false)
-      : guard_(map_guard(map)), times_(times), commits_(commits), begin_(clock::now()) {}
+      : guard_(map_guard(map)), times_(times), commits_(commits), begin_(clock::now()) {
+    hear_refresh(map);
+  }
   timed_guard(const timed_guard&) = delete;
   timed_guard& operator=(const timed_guard&) = delete;
   ~timed_guard() { times_.add(std::chrono::duration<double, std::milli>(clock::now() - begin_).count(), commits_); }

@@ -64,7 +64,7 @@ class working_map<Map, false> {
   /// @{
   /// As the member of this name of map_mirror: there is nothing to do.
   void forget(const point&) const {}
-  void take_associations(const keyframe&) const {}
+  bool take_associations(const keyframe&, std::size_t&, std::size_t) const { return false; }
   template <class Name>
   void changed(const Name&) {}
   void refresh() {}
