@@ -12,13 +12,37 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <functional>
 #include <limits>
+#include <mutex>
 #include <set>
 #include <stdexcept>
 #include <vector>
 
 #include "inertial_adjustment_cases.hpp"
 #include "support/policies.hpp"
+
+namespace turbomap_test {
+
+/// Somebody may enter before each time that the guard is taken.
+struct entered_inertial_map : inertial_map {
+  explicit entered_inertial_map(const inertial_map& map) : inertial_map(map) {}
+  std::function<void()> before;
+  std::mutex mutex;
+};
+
+}  // namespace turbomap_test
+
+template <>
+struct turbomap::map_traits<turbomap_test::entered_inertial_map> : turbomap::map_traits<turbomap_test::inertial_map> {
+  static std::unique_lock<std::mutex> guard(turbomap_test::entered_inertial_map& m) {
+    m.before();
+    return std::unique_lock<std::mutex>(m.mutex);
+  }
+};
+template <>
+struct turbomap::inertial_traits<turbomap_test::entered_inertial_map>
+    : turbomap::inertial_traits<turbomap_test::inertial_map> {};
 
 namespace {
 
@@ -236,6 +260,48 @@ TEST_CASE("read in parts: the same bits; whether a keyframe was moved in between
   T.tx += 1;
   s.map.set_pose(s.keyframes[11], T);
   CHECK(window.moved(scope));
+}
+
+TEST_CASE("a fixed keyframe is moved between two parts of the window: nothing is adjusted") {
+  inertial_map_scene scene;
+  inertial_run<sequential> run(sequential{}, scene);
+  const auto fixed = scene.keyframes[8];
+  struct outcome {
+    int guards = 0;
+    turbomap::local_adjustment_summary summary;
+    bool same = true;  ///< poses of the keyframes that would move
+  };
+  const auto adjust = [&](int moved_at) {
+    turbomap::context<sequential> ctx;
+    entered_inertial_map map(scene.map);
+    outcome o;
+    map.before = [&] {
+      if (o.guards++ != moved_at) return;
+      auto T = map.T_cw(fixed);
+      T.tx += 1;
+      map.set_pose(fixed, T);
+    };
+    turbomap::guard_times held;
+    turbomap::mapping_scope<entered_inertial_map, sequential> scope{ctx, map, run.store, run.stored, held};
+    scope.points_read_per_guard = 7;
+    turbomap::inertial_adjustment<entered_inertial_map, sequential, turbomap::every_adjustment_method> stage(ctx);
+    o.summary = stage(scope, scene.keyframes[13], {}, window_of(5));
+    CHECK(stage.points().empty() == o.summary.stale);
+    for (std::size_t f = 9; f <= 13; ++f)
+      o.same = o.same && turbomap::is_same_pose(map.T_cw(scene.keyframes[f]), scene.map.T_cw(scene.keyframes[f]));
+    return o;
+  };
+  const outcome undisturbed = adjust(-1);
+  CHECK(undisturbed.guards > 20);
+  CHECK_FALSE(undisturbed.summary.stale);
+  CHECK_FALSE(undisturbed.same);
+  for (int g = 1; g + 1 < undisturbed.guards; ++g) {  // the last one is the commit's
+    CAPTURE(g);
+    const outcome o = adjust(g);
+    CHECK(o.summary.stale);
+    CHECK(o.summary.solve.end == adjustment_end::no_observations);
+    CHECK(o.same);
+  }
 }
 
 TEST_CASE("outliers leave the map; near points have a wider gate") {
