@@ -136,6 +136,11 @@ class evaluation(unittest.TestCase):
         self.assertIn("euroc_tiny, seq, creation: 0.5", done.stdout)  # the one cell below 1.3 ...
         self.assertNotIn("fusion", done.stdout)
         self.assertIn("euroc_tiny, omp, creation: 1", done.stdout)
+        self.assertEqual(evaluate.below_at_clock(None), "")
+        at_clock = evaluate.table("t", "", ["recording", "who"])
+        at_clock.rows = [(("euroc_tiny", "seq"), {"search": "1.2", "fusion": "4"}), (("euroc_tiny", "omp"), {"search": "1.1", "fusion": "1.2"}),
+                         (("simulated", "seq"), {"search": "1"})]
+        self.assertEqual(evaluate.below_at_clock(at_clock), " At the peer's clock, of 2 rows: search in 2, fusion in 1.")
         parts = "Creation and fusion: where the time goes"  # of 10 ms: guard held 20 ms in 20 keyframes, 4 of them to commit
         self.assertEqual(self.figure(parts, ("euroc_tiny", "seq"), "fusion"), "10")
         self.assertEqual(self.figure(parts, ("euroc_tiny", "seq"), "fusion: reading"), "0.8")
