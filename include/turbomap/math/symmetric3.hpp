@@ -10,6 +10,7 @@
 
 #include "../config.hpp"
 #include "../types.hpp"
+#include "functions.hpp"
 #include "linear.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -96,6 +97,11 @@ TURBOMAP_HD symmetric3<S> inverse(const symmetric3<S>& A, const S& least) {
   B.yx = dot(columns[1], columns[0]), B.yy = dot(columns[1], columns[1]);
   B.zx = dot(columns[2], columns[0]), B.zy = dot(columns[2], columns[1]), B.zz = dot(columns[2], columns[2]);
   return B;
+}
+/// x of A x = b for a positive definite A. Of an A that is singular but for rounding x is of no use, and may be very large.
+template <class S>
+TURBOMAP_HD vec3<S> solve_positive(const symmetric3<S>& A, const vec3<S>& b) {
+  return inverse(A, S(detail::epsilon<S>::value) * (A.xx + A.yy + A.zz)) * b;
 }
 
 TURBOMAP_END_NAMESPACE
