@@ -71,10 +71,14 @@ class motion_only {
     const Policy& policy = ctx.policy();
     const std::size_t frame_bytes = frames * sizeof(posed_frame);
     auto* const results = ctx.template scratch<std::byte>(frame_bytes + n);
-    const auto launch = [&](auto exact, const auto*... inputs) {
+    const auto launch = [&](auto exact, const auto* cameras, const auto* guess, const auto* begin, const auto* point,
+                            const auto* pixel, const auto* information, const auto* camera, const auto* covariance) {
       launch_adjust_poses(
           policy, static_cast<int>(frames),
-          adjust_one_pose<Camera, exact.value>{inputs..., options, reinterpret_cast<posed_frame*>(results),
+          adjust_one_pose<Camera, exact.value>{{cameras, point, pixel, information, camera, covariance, options},
+                                               guess,
+                                               begin,
+                                               reinterpret_cast<posed_frame*>(results),
                                                reinterpret_cast<std::uint8_t*>(results) + frame_bytes});
     };
     with_resident(
