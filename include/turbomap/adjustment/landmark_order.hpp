@@ -11,7 +11,7 @@
 #include <cstdint>
 
 #include "../plain_vector.hpp"
-#include "structure_builder.hpp"
+#include "structure_input.hpp"
 
 namespace turbomap {
 

@@ -13,14 +13,14 @@
 #include "../math/rotation.hpp"
 #include "../span.hpp"
 #include "factors.hpp"
-#include "structure_builder.hpp"
+#include "structure_input.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
 /// The median over rows that are spread evenly, in the unit of the landmarks. 0: there are none.
 template <class Frame>
-double median_distance(span<const landmark_group_input> groups, const frame_input<Frame>& frames,
-                       const landmark_input& landmarks) {
+TURBOMAP_ONE_BODY double median_distance(span<const landmark_group_input> groups, const frame_input<Frame>& frames,
+                                         const landmark_input& landmarks) {
   constexpr std::size_t most = 256;  // the median of so many is within 10 % of the ranks of the true one
   double distances[most];
   std::size_t rows = 0, at = 0, count = 0;

@@ -17,7 +17,7 @@
 #include "order_observations.hpp"
 #include "robust.hpp"
 #include "structure.hpp"
-#include "structure_builder.hpp"
+#include "structure_input.hpp"
 #include "uploaded.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE

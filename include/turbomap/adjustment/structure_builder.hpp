@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// Makes the structure of a problem (structure.hpp) from indices: rows are sorted by landmark and frame, those that are
-/// equal stay in their order; then lists of what shares a frame, a landmark or a factor.
+/// Makes the structure of a problem (structure.hpp) from indices: rows are sorted by landmark and frame (row_sorter.hpp); then follow
+/// lists of what shares a frame, a landmark or a factor. Which blocks that gives is found when a solver asks (block_finder.hpp).
 
 #include <algorithm>
 #include <cstddef>
@@ -13,35 +13,14 @@
 #include "../config.hpp"
 #include "../plain_vector.hpp"
 #include "../span.hpp"
+#include "bin_lister.hpp"
 #include "block_finder.hpp"
+#include "frame_factor_lister.hpp"
+#include "row_sorter.hpp"
 #include "structure.hpp"
+#include "structure_input.hpp"
 
 namespace turbomap {
-
-/// What the structure needs to know of a group of factors with landmarks.
-struct landmark_group_input {
-  span<const std::int32_t> frame;     ///< [row] frame
-  span<const std::int32_t> landmark;  ///< [row] landmark
-  const std::uint8_t* kind;           ///< one per row, below `kinds`; null: all 0
-  int kinds;                          ///< kinds of rows
-};
-
-/// What it needs to know of a group of factors of frames.
-struct frame_group_input {
-  span<const std::int32_t> first;   ///< [row] frame, or the first of two
-  span<const std::int32_t> second;  ///< empty: factors of one frame
-};
-
-/// Indices of a problem, as places in the inputs of the caller.
-struct structure_input {
-  int frames;                                        ///< of the problem
-  int landmarks;                                     ///< of the problem
-  span<const std::uint8_t> fixed_frames;             ///< empty: none
-  span<const landmark_group_input> landmark_groups;  ///< in the order of the caller's groups
-  span<const frame_group_input> frame_groups;        ///< in the order of the caller's groups
-  int chunk;                                  ///< entries that a chunk holds at most, a multiple of observation_padding
-  span<const std::int32_t> landmark_place{};  ///< [landmark] its number in the structure; empty: as it is
-};
 
 /// Makes the structure. Indices must have been checked. O(observations + pairs); its memory is used again.
 class structure_builder {
@@ -50,17 +29,17 @@ class structure_builder {
   void build(const structure_input& in, adjustment_structure& s) {
     s.frames = in.frames, s.landmarks = in.landmarks, s.elsewhere = s.groups_elsewhere = false;
     order_frames(in.fixed_frames, s);
-    order_rows(in, s);
+    sorter_.sort(in, key_, s);
     list_slots(s);
     order_entries(in.landmark_groups, in.chunk, s);
-    list_frame_factors(in.frame_groups, s);
+    frame_factors_.list(in.frame_groups, s);
     block_finder::clear(s);
   }
   /// The same without the lists of observations, which the policy makes.
   void build_frames(const structure_input& in, adjustment_structure& s) {
     s.frames = in.frames, s.landmarks = in.landmarks;
     order_frames(in.fixed_frames, s);
-    list_frame_factors(in.frame_groups, s);
+    frame_factors_.list(in.frame_groups, s);
     block_finder::clear(s);
   }
   /// [frame] its place where the free frames come first: rows of a landmark are in that order.
@@ -90,82 +69,16 @@ class structure_builder {
       key_[at(f)] = s.free_of_frame[at(f)] < 0 ? next++ : s.free_of_frame[at(f)];
   }
 
-  /// An observation in the order (landmark, frame).
-  struct ordered_row {
-    std::int32_t key, source;  ///< of its frame; number among those of all groups
-  };
-
-  /// Sorts all observations by (landmark, frame), free frames first.
-  void order_rows(const structure_input& in, adjustment_structure& s) {
-    std::size_t n = 0;
-    first_of_group_.clear();
-    s.landmark_row.assign(at(s.landmarks) + 1, 0);
-    const std::int32_t* const place = in.landmark_place.empty() ? nullptr : in.landmark_place.data();
-    for (const auto& g : in.landmark_groups) {
-      first_of_group_.push_back(static_cast<std::int32_t>(n));
-      n += g.frame.size();
-      for (const auto l : g.landmark) ++s.landmark_row[at(place == nullptr ? l : place[l]) + 1];
-    }
-    first_of_group_.push_back(static_cast<std::int32_t>(n));
-    std::int32_t longest = 0;
-    for (std::size_t i = 1; i < s.landmark_row.size(); ++i) {
-      longest = std::max(longest, s.landmark_row[i]);
-      s.landmark_row[i] += s.landmark_row[i - 1];
-    }
-    rows_.resize(n);
-    if (longest <= most_in_place)
-      order_few(in.landmark_groups, place, s);
-    else
-      order_by_counting(in.landmark_groups, place, s);
-  }
-
-  /// By landmark, then the few of each landmark where they are.
-  void order_few(span<const landmark_group_input> groups, const std::int32_t* place, const adjustment_structure& s) {
-    ordered_row* const rows = rows_.data();
-    counts_.assign(s.landmark_row.begin(), s.landmark_row.end());
-    std::int32_t o = 0;
-    for (const auto& g : groups)
-      for (std::size_t i = 0; i < g.frame.size(); ++i) {
-        const std::int32_t l = place == nullptr ? g.landmark[i] : place[g.landmark[i]];
-        rows[counts_[at(l)]++] = {key_[at(g.frame[i])], o++};
-      }
-    for (std::size_t l = 0; l + 1 < s.landmark_row.size(); ++l)
-      for (std::int32_t i = s.landmark_row[l] + 1; i < s.landmark_row[l + 1]; ++i) {
-        const ordered_row moved = rows[i];
-        std::int32_t to = i;
-        for (; to > s.landmark_row[l] && rows[to - 1].key > moved.key; --to) rows[to] = rows[to - 1];
-        rows[to] = moved;
-      }
-  }
-  /// Two stable counting sorts.
-  void order_by_counting(span<const landmark_group_input> groups, const std::int32_t* place,
-                         const adjustment_structure& s) {
-    counts_.assign(at(s.frames) + 1, 0);
-    for (const auto& g : groups)
-      for (const auto f : g.frame) ++counts_[at(key_[at(f)]) + 1];
-    for (std::size_t i = 1; i < counts_.size(); ++i) counts_[i] += counts_[i - 1];
-    by_frame_.resize(rows_.size());
-    std::int32_t o = 0;
-    for (const auto& g : groups)
-      for (std::size_t i = 0; i < g.frame.size(); ++i) {
-        const std::int32_t key = key_[at(g.frame[i])];
-        const std::int32_t l = place == nullptr ? g.landmark[i] : place[g.landmark[i]];
-        by_frame_[at(counts_[at(key)]++)] = {{key, o++}, l};
-      }
-    counts_.assign(s.landmark_row.begin(), s.landmark_row.end());
-    for (const auto& r : by_frame_) rows_[at(counts_[at(r.landmark)]++)] = r.row;
-  }
-
   /// What each free frame has with each landmark.
   void list_slots(adjustment_structure& s) {
-    const std::size_t n = rows_.size();
+    const std::size_t n = sorter_.rows().size();
     s.landmark_slot.resize(at(s.landmarks) + 1);
     s.slot_coupling.resize(n + 1), s.slot_frame.resize(n), s.slot_landmark.resize(n);
     s.frame_slot.assign(at(s.free_frames) + 1, 0);
     std::int32_t couplings = 0, slots = 0;
     std::int32_t *const coupling = s.slot_coupling.data(), *const frame = s.slot_frame.data();
     std::int32_t *const landmark = s.slot_landmark.data(), *const of_frame = s.frame_slot.data() + 1;
-    const ordered_row* const rows = rows_.data();
+    const row_sorter::ordered_row* const rows = sorter_.rows().data();
     for (std::int32_t l = 0; l < s.landmarks; ++l) {
       s.landmark_slot[at(l)] = slots;
       std::int32_t last = -1;
@@ -196,7 +109,7 @@ class structure_builder {
     s.groups.resize(groups.size());
     frame_of_partial_.clear();
     for (std::size_t g = 0; g < groups.size(); ++g) {
-      const std::int32_t begin = first_of_group_[g], end = first_of_group_[g + 1];
+      const std::int32_t begin = sorter_.first_of_group()[g], end = sorter_.first_of_group()[g + 1];
       const std::uint8_t* const kind_of = groups[g].kind;
       const auto kinds = static_cast<std::size_t>(groups[g].kinds);
       const auto bucket = [&](std::int32_t key, std::int32_t row) {
@@ -219,10 +132,10 @@ class structure_builder {
       std::int32_t couplings = 0;
       std::int32_t *const source = e.source.data(), *const landmark = e.landmark.data(), *const row_of = e.row.data();
       std::int32_t *const coupling_of = e.coupling.data(), *const next = counts_.data();
-      const ordered_row* const rows = rows_.data();
+      const row_sorter::ordered_row* const rows = sorter_.rows().data();
       for (std::int32_t l = 0; l < s.landmarks; ++l)
         for (std::int32_t r = s.landmark_row[at(l)], row_end = s.landmark_row[at(l) + 1]; r < row_end; ++r) {
-          const ordered_row row = rows[r];
+          const row_sorter::ordered_row row = rows[r];
           const std::int32_t coupling = row.key < s.free_frames ? couplings++ : -1, o = row.source - begin;
           if (row.source < begin || row.source >= end) continue;
           const std::int32_t i = next[bucket(row.key, o)]++;
@@ -249,50 +162,10 @@ class structure_builder {
     }
   }
 
-  /// What factors of one frame and between two give to their frames, and which frames they join.
-  void list_frame_factors(span<const frame_group_input> groups, adjustment_structure& s) {
-    const auto free = [&](std::int32_t frame) { return s.free_of_frame[at(frame)]; };
-    s.frame_pairs.clear(), frame_of_factor_.clear();
-    s.frame_factors = 0;
-    for (const auto& g : groups) {
-      s.frame_factors += static_cast<int>(g.first.size());
-      for (std::size_t i = 0; i < g.first.size(); ++i) {
-        frame_of_factor_.push_back(free(g.first[i]));
-        if (g.second.empty()) continue;
-        frame_of_factor_.push_back(free(g.second[i]));
-        s.frame_pairs.push_back({free(g.first[i]), free(g.second[i])});
-      }
-    }
-    s.factor_partials = static_cast<int>(frame_of_factor_.size());
-    list_by_bin_(frame_of_factor_, s.free_frames, s.frame_factor, s.frame_factor_list);
-
-    neighbour_.clear(), frame_of_neighbour_.clear();
-    for (std::size_t i = 0; i < s.frame_pairs.size(); ++i) {
-      const auto factor = static_cast<std::int32_t>(i);
-      const auto [a, b] = s.frame_pairs[i];
-      frame_of_neighbour_.push_back(b >= 0 ? a : -1), neighbour_.push_back({factor, b, 1});
-      frame_of_neighbour_.push_back(a >= 0 ? b : -1), neighbour_.push_back({factor, a, 0});
-    }
-    list_by_bin_(frame_of_neighbour_, s.free_frames, s.frame_pair, neighbour_order_);
-    s.neighbours.clear();
-    for (const auto i : neighbour_order_) s.neighbours.push_back(neighbour_[at(i)]);
-  }
-
-  using indices = plain_vector<std::int32_t>;
-
-  struct row_by_frame {
-    ordered_row row;
-    std::int32_t landmark;
-  };
-  /// Observations of a landmark that are sorted where they are: beyond it, counting is faster.
-  static constexpr std::int32_t most_in_place = 64;
-
-  plain_vector<ordered_row> rows_;
-  plain_vector<row_by_frame> by_frame_;
-  indices key_, counts_, first_of_group_;
-  indices frame_of_key_, frame_of_partial_, frame_of_factor_, frame_of_neighbour_, neighbour_order_;
-  plain_vector<frame_neighbour> neighbour_;
+  row_sorter sorter_;
+  frame_factor_lister frame_factors_;
   bin_lister list_by_bin_;
+  plain_vector<std::int32_t> key_, counts_, frame_of_key_, frame_of_partial_;
 };
 
 }  // namespace turbomap
