@@ -16,6 +16,7 @@
 #include "../plain_vector.hpp"
 #include "frame_information.hpp"
 #include "problem.hpp"
+#include "profile_cholesky.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -51,14 +52,15 @@ bool frame_covariance(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Pol
   problem.frames(ctx, states), problem.landmarks(ctx, given);
   for (const auto l : data.order.source()) landmarks.push_back(given[static_cast<std::size_t>(l)]);
   residual_rows<D> rows;
-  frame_information<D> information;
+  frame_information<D> observed;
+  profile_cholesky information;
   plain_vector<std::uint8_t> undetermined;
   const auto& fixed = data.landmark_fixed.host();
   if (data.finite)
     std::apply([&](const auto&... g) { (g.list_rows(s, states.data(), landmarks.data(), rows), ...); }, data.groups);
   for (auto& l : rows.landmark)
     if (l >= 0 && !fixed.empty() && fixed[static_cast<std::size_t>(l)] != 0) l = -1;
-  information.build(rows, s.free_frames, s.landmarks, data.held.host());
+  observed.build(rows, s.free_frames, s.landmarks, data.held.host(), information);
   information.factorise(tolerance, undetermined);
   for (const auto f : rows.spoilt) undetermined[static_cast<std::size_t>(f) * D] = 1;
 
