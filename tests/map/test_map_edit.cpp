@@ -109,6 +109,30 @@ TEST_CASE_TEMPLATE("a point fades with the last views", Map, flat_map, pointer_m
   CHECK(traits::replacement(s.map, s.p[0]) == typename traits::point{});
 }
 
+TEST_CASE_TEMPLATE("a point that is erased leaves every slot, however many see it", Map, flat_map, pointer_map) {
+  using traits = turbomap::map_traits<Map>;
+  for (const int observers : {0, 1, 15, 16, 17, 40}) {
+    Map map;
+    std::vector<typename traits::keyframe> k;
+    const std::vector<turbomap::keypoint> keypoints{make_keypoint(0), make_keypoint(1)};
+    for (int i = 0; i < 40; ++i) k.push_back(insert_keyframe(map, keypoints, i, typename traits::keyframe{}));
+    const auto goes = traits::add_point(map, {}, k[0]), stays = traits::add_point(map, {}, k[0]);
+    for (int i = 0; i < 40; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      REQUIRE(turbomap::observe(map, stays, k[at], 1));
+      if (i < observers) REQUIRE(turbomap::observe(map, goes, k[at], 0));
+    }
+    turbomap::erase_point(map, goes);
+    CHECK_FALSE(traits::alive(map, goes));
+    for (const auto& keyframe : k) {
+      CHECK(traits::point_at(map, keyframe, 0) == typename traits::point{});
+      CHECK(traits::point_at(map, keyframe, 1) == stays);
+    }
+    CHECK(turbomap::measurement_count(map, stays) == 40);
+    CHECK(turbomap::require_consistent(map, stays));
+  }
+}
+
 TEST_CASE_TEMPLATE("an observation moves to a free keypoint of its own camera, or of one that sees nothing", Map,
                    flat_map, pointer_map) {
   scene<Map> s(2, 2);

@@ -36,11 +36,11 @@ struct recent_point {
   std::int64_t since;  ///< number of the keyframe
 };
 
-/// Whether a point fails. \param age  keyframes since it was made
-inline bool fails_probation(float found_ratio, int measurements, std::int64_t age,
-                            const map_point_culling_options& options) {
-  return found_ratio < options.min_found_ratio ||
-         (age >= options.patience && measurements <= options.fewest_measurements);
+/// Whether a point fails. \param few  few(): whether it has `fewest_measurements` or fewer; asked only where that decides
+/// \param age  keyframes since it was made
+template <class Few>
+bool fails_probation(float found_ratio, Few few, std::int64_t age, const map_point_culling_options& options) {
+  return found_ratio < options.min_found_ratio || (age >= options.patience && few());
 }
 
 /// What one round did.

@@ -41,6 +41,14 @@ void move_count(Map& map, typename map_traits<Map>::point point, int before, int
   if (after >= 0) change_count(map, point, after, +1);
 }
 
+/// Whether the counts by octave follow while a point is erased. In a copy of a map that keeps none nobody reads them again: such
+/// traits say `counts_erased = false`.
+template <class Map, class = void>
+inline constexpr bool counts_erased_v = counts_octaves_v<Map>;
+template <class Map>
+inline constexpr bool counts_erased_v<Map, std::void_t<decltype(map_traits<Map>::counts_erased)>> =
+    map_traits<Map>::counts_erased;
+
 inline int finer(int a, int b) { return a < 0 ? b : b < 0 ? a : a < b ? a : b; }
 
 }  // namespace detail
@@ -69,10 +77,11 @@ bool observe(Map& map, typename map_traits<Map>::point point, typename map_trait
   if (!(traits::point_at(map, keyframe, keypoint) == typename traits::point{})) return false;
   const auto k = keypoint_of(map, keyframe, keypoint);
   if (observed_at(map, point, keyframe, k.camera) >= 0) return false;
-  const int before = finest_octave(map, point, keyframe);
+  [[maybe_unused]] int before = -1;
+  if constexpr (counts_octaves_v<Map>) before = finest_octave(map, point, keyframe);
   traits::add_observation(map, point, keyframe, keypoint);
   traits::set_point(map, keyframe, keypoint, point);
-  detail::move_count(map, point, before, detail::finer(before, k.octave));
+  if constexpr (counts_octaves_v<Map>) detail::move_count(map, point, before, detail::finer(before, k.octave));
   return true;
 }
 
@@ -84,11 +93,12 @@ typename map_traits<Map>::point forget(Map& map, typename map_traits<Map>::keyfr
   using traits = map_traits<Map>;
   const typename traits::point none{}, point = traits::point_at(map, keyframe, keypoint);
   if (point == none) return none;
-  const int before = finest_octave(map, point, keyframe);
+  [[maybe_unused]] int before = -1;
+  if constexpr (counts_octaves_v<Map>) before = finest_octave(map, point, keyframe);
   traits::erase_observation(map, point, keyframe, keypoint);
   traits::set_point(map, keyframe, keypoint, none);
   const int after = finest_octave(map, point, keyframe);
-  detail::move_count(map, point, before, after);
+  if constexpr (counts_octaves_v<Map>) detail::move_count(map, point, before, after);
   if (after < 0 && traits::reference(map, point) == keyframe) {
     typename traits::keyframe first{};
     bool found = false;
@@ -102,23 +112,32 @@ typename map_traits<Map>::point forget(Map& map, typename map_traits<Map>::keyfr
 }
 
 /// Takes a point out of the map, merged or not: all its slots are emptied first. With a replacement nothing is announced here:
-/// merge_points() calls `merged` of the traits when its observations have moved. Without one `erased` is called. O(views^2).
+/// merge_points() calls `merged` of the traits when its observations have moved. Without one `erased` is called. O(views), and
+/// O(views^2) where octaves are counted.
 template <class Map>
 void erase_point(Map& map, typename map_traits<Map>::point point, typename map_traits<Map>::point replacement = {}) {
   using traits = map_traits<Map>;
-  for (;;) {  // the list changes while it is emptied
-    bool any = false;
+  struct view {
     typename traits::keyframe observer{};
-    std::size_t at = 0;
+    std::size_t keypoint = 0;
+  };
+  constexpr std::size_t most = 16;
+  for (;;) {  // so many at a time: the list changes while it is emptied
+    view views[most];
+    std::size_t count = 0;
     traits::for_each_observation(map, point, [&](typename traits::keyframe k, std::size_t i) {
-      if (!any) observer = k, at = i;
-      any = true;
+      if (count < most) views[count++] = {k, i};
     });
-    if (!any) break;
-    const int before = finest_octave(map, point, observer);
-    traits::erase_observation(map, point, observer, at);
-    traits::set_point(map, observer, at, typename traits::point{});
-    detail::move_count(map, point, before, finest_octave(map, point, observer));
+    for (std::size_t v = 0; v < count; ++v) {
+      const auto& [observer, at] = views[v];
+      [[maybe_unused]] int before = -1;
+      if constexpr (detail::counts_erased_v<Map>) before = finest_octave(map, point, observer);
+      traits::erase_observation(map, point, observer, at);
+      traits::set_point(map, observer, at, typename traits::point{});
+      if constexpr (detail::counts_erased_v<Map>)
+        detail::move_count(map, point, before, finest_octave(map, point, observer));
+    }
+    if (count < most) break;
   }
   traits::retire(map, point, replacement);
   if constexpr (detail::map_has_v<Map, detail::map_erased_member>)

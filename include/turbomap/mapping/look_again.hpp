@@ -47,6 +47,11 @@ void look_whether_alive([[maybe_unused]] const Map& map,
                         [[maybe_unused]] const typename map_traits<Map>::point& point) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::look_whether_alive(map, point);
 }
+/// Asks memory for what the user's map has of a point, which is looked at soon.
+template <class Map>
+void ask_for([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point) {
+  if constexpr (is_copy_v<Map>) map_traits<Map>::ask_for(map, point);
+}
 /// Whether a point is alive, and its position: what is quickly read.
 template <class Map>
 void look_at_position([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point) {

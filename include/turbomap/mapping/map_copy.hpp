@@ -65,6 +65,12 @@ class map_copy {
     if (!user_traits::alive(map_, name)) return points.at(gone);
     return points.at(points.take(name, id));
   }
+  /// The same of a keyframe which is mostly `before`: then it is not looked up.
+  keyframe number(const user_keyframe& name, keyframe before) {
+    const bool same = keyframes.known(before) && keyframes.alive(before.index) && keyframes[at(before)].name == name &&
+                      keyframes[at(before)].id == user_traits::id(map_, name);
+    return same ? before : number(name);
+  }
   /// What the user calls a keyframe.
   const user_keyframe& name(keyframe k) const { return keyframes[k.index < 0 ? gone : at(k)].name; }
   /// What the user calls a point.
@@ -235,11 +241,19 @@ class map_copy {
     const std::uint8_t read = points.entries[p].read;
     points.entries[p].read = 0;  // until all of it is
     scratch_.clear();
-    user_traits::for_each_observation(map_, name, [&](const user_keyframe& observer, std::size_t keypoint) {
-      const keyframe k = number(observer);
-      scratch_.push_back({k.index < 0 ? gone : k.index, static_cast<std::int32_t>(keypoint)});
-    });
     keep_old_list(p);
+    bool same = true;  // as it was last read, and in that order: mostly so
+    user_traits::for_each_observation(map_, name, [&](const user_keyframe& observer, std::size_t keypoint) {
+      const std::size_t n = scratch_.size();
+      const keyframe k = number(observer, n < old_.size() ? keyframes.at(old_[n].keyframe) : keyframe{});
+      const observation o{k.index < 0 ? gone : k.index, static_cast<std::int32_t>(keypoint)};
+      same = same && n < old_.size() && o.keyframe == old_[n].keyframe && o.keypoint == old_[n].keypoint;
+      scratch_.push_back(o);
+    });
+    if (same && read != 0 && scratch_.size() == old_.size()) {  // counted, and every slot agrees or is read anew
+      points.entries[p].read = read;
+      return;
+    }
     for (const observation& o : scratch_)
       for (observation& before : old_)
         if (before.keyframe == o.keyframe && before.keypoint == o.keypoint) before.keyframe = gone;

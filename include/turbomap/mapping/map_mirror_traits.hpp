@@ -38,6 +38,8 @@ struct map_traits<map_mirror<Map>> {
   using descriptor = typename user::descriptor;
   using camera = typename user::camera;
   using element = typename descriptor::element;
+  /// For map_edit.hpp: the mirror's own counts die with a point.
+  static constexpr bool counts_erased = counts_octaves_v<Map>;
 
   static auto guard(mirror& m) { return map_guard(m.map()); }
 
@@ -229,6 +231,7 @@ struct map_traits<map_mirror<Map>> {
   static void forget_copy(const mirror& m) { m.copy().forget_all(); }
   static void hear_refresh(const mirror& m) { m.hear_refresh(); }
   static void look_whether_alive(const mirror& m, point p) { detail::look_whether_alive(m.copy(), p); }
+  static void ask_for(const mirror& m, point p) { detail::ask_for(m.copy(), p); }
   static void look_at_position(const mirror& m, point p) { detail::look_at_position(m.copy(), p); }
   static bool look_at_all(const mirror& m, keyframe k, int fewest) { return detail::look_at_all(m.copy(), k, fewest); }
   /// @}

@@ -8,8 +8,12 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
+#include <utility>
 
 #include "../config.hpp"
+#include "../map/map_traits.hpp"
+#include "../prefetch.hpp"
 #include "map_copy.hpp"
 #include "mirror_sample.hpp"
 
@@ -46,7 +50,7 @@ void look_at_point(map_copy<Map>& copy, map_point_id p) {
     copy.read_point(place);
   } else {
     const auto name = copy.name(p);
-    points.entries[place].reference = copy.number(user::reference(copy.map(), name));
+    points.entries[place].reference = copy.number(user::reference(copy.map(), name), points.entries[place].reference);
     copy.read_list(place, name);
   }
   for (std::size_t n = 0; n < points.lists.of(place).size(); ++n) {
@@ -54,6 +58,30 @@ void look_at_point(map_copy<Map>& copy, map_point_id p) {
     look_at_slot(copy, copy.keyframes.at(o.keyframe), static_cast<std::size_t>(o.keypoint));
   }
   copy.ensure(p);
+}
+template <class Name, class = void>
+inline constexpr bool is_smart_pointer_v = false;
+template <class Name>
+inline constexpr bool
+    is_smart_pointer_v<Name, std::void_t<decltype(static_cast<const void*>(std::declval<const Name&>().get()))>> = true;
+
+/// Where the object of a name lies; null where a name is neither a pointer nor a smart pointer.
+template <class Name>
+const void* address_of([[maybe_unused]] const Name& name) {
+  if constexpr (std::is_pointer_v<Name>)
+    return name;
+  else if constexpr (is_smart_pointer_v<Name>)
+    return name.get();
+  else
+    return nullptr;
+}
+/// Asks memory for the object behind the name of a point, which is mostly a few lines long.
+template <class Map>
+void ask_for(map_copy<Map>& copy, map_point_id p) {
+  const std::size_t place = copy.at(p);
+  if (place >= copy.points.size()) return;  // none
+  const auto* const object = static_cast<const char*>(address_of(copy.points.names[place]));
+  for (std::size_t line = 0; object != nullptr && line < 6; ++line) prefetch_line(object + 64 * line);
 }
 /// Whether a point is alive.
 template <class Map>

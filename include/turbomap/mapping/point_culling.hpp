@@ -14,6 +14,7 @@
 #include "../map/map_edit.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/observation_counts.hpp"
+#include "../map/read_ahead.hpp"
 #include "../map/validate.hpp"
 #include "../plain_vector.hpp"
 #include "../span.hpp"
@@ -33,24 +34,29 @@ map_point_culling_summary cull_recent_points(Map& map, List& recent, std::int64_
   static_assert(require_map_traits<Map>());
   check(options);
   plain_vector<std::uint8_t> failed(recent.size(), 0);
-  for (std::size_t i = 0; i < recent.size(); ++i) {
-    const auto& r = recent[i];
-    const auto fails = [&]([[maybe_unused]] bool again) {
-      if (!traits::alive(map, r.point)) return false;
-      // Before its views are looked at. A copy has no views that cannot be looked at: what is to be erased is looked at again.
-      if ((!is_copy_v<Map> || again) && !require_consistent(map, r.point, faults)) return false;
-      float found_ratio = 1;
-      if constexpr (detail::map_has_v<Map, detail::map_found_member>) found_ratio = traits::found_ratio(map, r.point);
-      return fails_probation(found_ratio, measurement_count(map, r.point), now - r.since, options);
-    };
-    look_whether_alive(map, r.point);
-    bool failing = fails(false);
-    if (is_copy_v<Map> && failing) {
-      look_again(map, r.point);
-      failing = fails(true);
-    }
-    failed[i] = failing ? 1 : 0;
-  }
+  const auto fails = [&](const auto& r, [[maybe_unused]] bool again) {
+    if (!traits::alive(map, r.point)) return false;
+    // Before its views are looked at. A copy has no views that cannot be looked at: what is to be erased is looked at again.
+    if ((!is_copy_v<Map> || again) && !require_consistent(map, r.point, faults)) return false;
+    float found_ratio = 1;
+    if constexpr (detail::map_has_v<Map, detail::map_found_member>) found_ratio = traits::found_ratio(map, r.point);
+    return fails_probation(
+        found_ratio, [&] { return !has_more_measurements(map, r.point, options.fewest_measurements); }, now - r.since,
+        options);
+  };
+  constexpr unsigned reads = point_data::entry + point_data::views;
+  for_each_ahead<reads>(
+      map, recent.size(), [&](std::size_t i) -> const auto& { return recent[i].point; },
+      [&](std::size_t i, const auto& point) {
+        look_whether_alive(map, point);
+        bool failing = fails(recent[i], false);
+        if (is_copy_v<Map> && failing) {
+          look_again(map, point);
+          failing = fails(recent[i], true);
+        }
+        failed[i] = failing ? 1 : 0;
+      },
+      [&](const auto& point) { ask_for(map, point); });
   map_point_culling_summary summary;
   std::size_t kept = 0;
   for (std::size_t i = 0; i < recent.size(); ++i) {
