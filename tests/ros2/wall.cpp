@@ -1,0 +1,64 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// \file
+/// Plays a camera and an odometry to the node of examples/ros2, which is compiled against stand-ins of the headers of ROS 2: the camera
+/// moves sideways along a painted wall, 4 m away. The points that the node publishes must lie on the wall.
+
+#include <chrono>
+#include <cmath>
+#include <condition_variable>
+#include <cstdlib>
+#include <mutex>
+#include <opencv2/imgproc.hpp>
+
+#include "rclcpp/rclcpp.hpp"
+
+void rclcpp::spin(const std::shared_ptr<Node>&) {
+  std::mutex mutex;
+  std::condition_variable published;
+  std::size_t paths = 0, points = 0, off = 0, keyframes = 0;
+  double last_x = 0;
+  listeners<sensor_msgs::msg::PointCloud2>()["points"] = [&](std::shared_ptr<const sensor_msgs::msg::PointCloud2> m) {
+    const std::lock_guard<std::mutex> held(mutex);
+    points = m->width, off = 0;
+    for (std::size_t i = 0; i < points; ++i) {
+      float z;
+      std::memcpy(&z, m->data.data() + i * m->point_step + 8, sizeof z);
+      off += std::abs(z - 4) > 0.2F ? 1 : 0;
+    }
+  };
+  listeners<nav_msgs::msg::Path>()["keyframes"] = [&](std::shared_ptr<const nav_msgs::msg::Path> m) {
+    {
+      const std::lock_guard<std::mutex> held(mutex);
+      ++paths, keyframes = m->poses.size(), last_x = m->poses.back().pose.position.x;
+    }
+    published.notify_one();
+  };
+
+  cv::Mat wall(480, 1200, CV_8U, cv::Scalar(128));  // 1 px is 1 cm
+  cv::RNG random(7);
+  for (int n = 0; n < 1500; ++n)
+    cv::rectangle(
+        wall,
+        cv::Rect(random.uniform(-10, 1190), random.uniform(-10, 470), random.uniform(5, 40), random.uniform(5, 40)),
+        cv::Scalar(random.uniform(0, 256)), cv::FILLED);
+  sensor_msgs::msg::CameraInfo info;
+  info.width = 640, info.height = 480, info.distortion_model = "plumb_bob", info.d.assign(5, 0);
+  info.k = {400, 0, 320, 0, 400, 240, 0, 0, 1};
+  deliver("camera_info", info);
+  bool in_time = true;
+  for (std::size_t n = 0; n < 8; ++n) {
+    const std_msgs::msg::Header header{{static_cast<std::int32_t>(n), 0}, "odometry"};
+    geometry_msgs::msg::PoseStamped pose{header, {}};
+    pose.pose.position.x = 0.25 * static_cast<double>(n);
+    deliver("pose", pose);
+    const cv::Mat seen = wall(cv::Rect(static_cast<int>(25 * n), 0, 640, 480)).clone();
+    deliver("image", sensor_msgs::msg::Image{header, 480, 640, "mono8", 640, {seen.data, seen.data + 640 * 480}});
+    std::unique_lock<std::mutex> held(mutex);
+    in_time = in_time && published.wait_for(held, std::chrono::seconds(60), [&] { return paths == n + 1; });
+  }
+  std::printf("%zu points, %zu of them off the wall; %zu keyframes, the last at %.3f m, it should be at 1.75\n", points,
+              off, keyframes, last_x);
+  if (!in_time || points < 300 || off > points / 20 || keyframes < 5 || std::abs(last_x - 1.75) > 0.02) std::exit(1);
+}
