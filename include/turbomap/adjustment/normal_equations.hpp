@@ -92,8 +92,9 @@ class normal_equations {
   /// \param next   enqueues form(), or that and more
   /// \return null: the policy does not
   template <class Policy, class Next>
-  const step_report* evaluate_step(context<Policy>& ctx, const estimate_view<Frame>& x, step_parts parts, bool ahead,
-                                   Next next) {
+  const step_report* evaluate_step(context<Policy>& ctx, const estimate_view<Frame>& x,
+                                   [[maybe_unused]] step_parts parts, [[maybe_unused]] bool ahead,
+                                   [[maybe_unused]] Next next) {
     if constexpr (is_host_accessible_v<memory_of_t<Policy>>) {
       return nullptr;
     } else {
