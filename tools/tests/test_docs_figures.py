@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """That figures of the documentation can be printed again. README.md and docs/comparison.md show none of ours but those of a page that
 tools/evaluate.py wrote, with a link to it, or such as stand beside their command; what is said above such a page's tables is in them, or in a page
-that the paragraph links to; each section of docs/performance.md that has a table names a command."""
+that the paragraph links to; each section of docs/performance.md that has a table names a command, and below those tables each of docs/evaluation.md,
+or the section that it is part of."""
 
 import csv
 import pathlib
@@ -57,12 +58,23 @@ def without_command(text):
     return [title for title in titles if title != "At a glance"]  # whose rows link to the others
 
 
+def parts_without_command(text):
+    """The same of text whose sections (##) name the commands of their parts (###)."""
+    bad = []
+    for part in re.split(r"^(?=## )", text, flags=re.MULTILINE):
+        if not COMMAND.search(re.split(r"^###", part, flags=re.MULTILINE)[0]):
+            bad += without_command(part)
+    return bad
+
+
 class docs_figures(unittest.TestCase):
     def test_pages(self):
         for page in ("README.md", "docs/comparison.md"):
             self.assertEqual(without_source((ROOT / page).read_text()), [], page)
         text = (ROOT / "docs/performance.md").read_text()
         self.assertEqual(without_command(text), [])
+        judged = (ROOT / "docs/evaluation.md").read_text().partition("<!-- evaluate: end -->")[2]
+        self.assertEqual(parts_without_command(judged), [])
         for words in ("no command prints", "patched"):
             self.assertNotIn(words, text)
 
@@ -84,6 +96,7 @@ class docs_figures(unittest.TestCase):
     def test_sections_without_a_command_are_found(self):
         table = "| a | ms |\n|---|---|\n| b | 3 |\n"
         self.assertEqual(without_command(f"# P\n## A\n{table}## B\nBy `turbomap-bench`:\n{table}"), ["A"])
+        self.assertEqual(parts_without_command(f"## A\n### B\n{table}## C\nBy `turbomap-bench`\n### D\n{table}"), ["B"])
 
 
 if __name__ == "__main__":
