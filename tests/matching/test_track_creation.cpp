@@ -176,7 +176,7 @@ void check_known(const test_rig<Camera>& rig, unsigned seed, double chi2, int wa
 }
 
 TEST_CASE_TEMPLATE("a landmark that has a point is left out", Policy, TURBOMAP_TEST_POLICIES) {
-  long known = 0, others = 0, nobody = 0, near = 0;
+  long known = 0, others = 0, nobody = 0, near = 0, by_default = 0;
   for (unsigned seed = 1; seed <= 3; ++seed) {
     check_known<Policy>(pinhole_rig(), seed, 700, 2, known, others);
     check_known<Policy>(fisheye_rig(), seed, 700, 2, known, others);
@@ -185,7 +185,10 @@ TEST_CASE_TEMPLATE("a landmark that has a point is left out", Policy, TURBOMAP_T
     check_known<Policy>(pinhole_rig(), seed, 1e6, 0, nobody, others);
     check_known<Policy>(pinhole_rig(), seed, 700, 2, near, others, 1);
     check_known<Policy>(fisheye_rig(), seed, 700, 2, near, others, 1);
+    check_known<Policy>(pinhole_rig(), seed, 700, 2, by_default, others, creation_options{}.known_octaves);
+    check_known<Policy>(fisheye_rig(), seed, 700, 2, by_default, others, creation_options{}.known_octaves);
   }
+  CHECK(by_default == near);  // the octaves in which fusion looks for a point
   CHECK(near > 20);
   CHECK(near < known);
   CHECK(known > 100);

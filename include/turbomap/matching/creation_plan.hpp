@@ -60,10 +60,10 @@ struct creation_options {
   int known_views = 2;
   /// Beside: squared distance <= this (sigma2 of one + sigma2 of the other): 95 %, 2 dof, as merge_tolerance.
   double known_chi2 = 5.991;
-  /// Beside: of octaves that differ by so many at most; 255: of any. 1, the two octaves in which fusion looks for a point
-  /// (duplicate_options::finer_octaves, coarser_octaves), keeps coarse and fine keypoints of one corner as two points: more
-  /// measurements, more to merge and to adjust. Measured: docs/evaluation.md.
-  int known_octaves = 255;
+  /// Beside: of octaves that differ by so many at most; 255: of any. 1 is as far as fusion looks for a point: the predicted octave
+  /// and one finer (duplicate_options::finer_octaves). Keypoints of one corner that are farther apart in octaves are two points:
+  /// each is found where the other is too fine or too coarse, and their errors are their own. Measured: docs/evaluation.md.
+  int known_octaves = 1;
   /// Tracks: a point is seen by so many keyframes at least. 1: the cameras of one rig suffice, which gives the most exact
   /// trajectories. 2 where things look alike side by side: half of what only one rig matches is wrong there. Measured:
   /// docs/matching.md.
