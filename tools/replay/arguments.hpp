@@ -57,6 +57,7 @@ struct arguments {
   bool balanced = false;               ///< local_mapper_options::balanced()
   bool accurate = false;               ///< local_mapper_options::accurate()
   int known_octaves = -1;              ///< creation_options::known_octaves; negative: its default
+  bool across_rig = true;              ///< neighbour_search_options::across_rig
   int second_shared = 0;               ///< local_adjustment_options::second_min_shared_points
   int global_every = 0;                ///< all of the map is adjusted after so many keyframes; 0: never
   bool global_end = false;             ///< ... and at the end

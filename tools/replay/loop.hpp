@@ -88,6 +88,7 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording& 
                                                           : turbomap::candidates::epipolar_ordered;
   o.creation.rule = a.rule == "tracks" && !a.check ? turbomap::creation_rule::tracks : turbomap::creation_rule::pairs;
   o.creation.stereo_correlation = a.correlation(recording);
+  o.neighbours.across_rig = a.across_rig;
   if (a.known_octaves >= 0) o.creation.known_octaves = a.known_octaves;
   o.fusion.mode = a.serial_fusion ? turbomap::fusion_mode::serial_exact : turbomap::fusion_mode::snapshot;
   o.fusion.commit.merges = a.merges == "drop"     ? turbomap::merge_rule::drop
