@@ -4,6 +4,8 @@
 // The epipolar order is exact: what it leaves out could not have matched. Nothing is excused here.
 
 #include <cmath>
+#include <iterator>
+#include <limits>
 #include <random>
 #include <vector>
 
@@ -42,6 +44,63 @@ TEST_CASE("the angle of a plane is right to 1e-4, its width is never too small")
   }
 }
 
+/// The arrays of some codes.
+struct code_list {
+  explicit code_list(std::size_t room) : angles(room), half_widths(room), least(room) {}
+  turbomap::plane_codes view() { return {angles.data(), half_widths.data(), least.data()}; }
+
+  std::vector<std::uint16_t> angles, half_widths;
+  std::vector<std::int16_t> least;
+};
+
+TEST_CASE("codes round outwards, and those of a batch are those of one by one") {
+  std::mt19937 random(4);
+  const float infinity = std::numeric_limits<float>::infinity(), nan = std::numeric_limits<float>::quiet_NaN();
+  const float special[] = {0,   -1,         4,          1e30F,   -1e30F, infinity, -infinity,
+                           nan, 6.2831855F, 6.2831850F, 3.9997F, -4,     1e-9F};
+  constexpr int lanes = 8;
+  using lane_pack = turbomap::pack<float, lanes>;
+  for (int round = 0; round < 20000; ++round) {
+    const auto any = [&](double low, double high) {
+      return random() % 4 == 0 ? special[random() % std::size(special)]
+                               : static_cast<float>(between(random, low, high));
+    };
+    float angle[lanes], half_width[lanes], least[lanes], most[lanes];
+    for (int l = 0; l < lanes; ++l) {
+      half_width[l] = any(-0.1, 7);
+      // Of a plane that is known, a number; see plane_measure.
+      angle[l] = half_width[l] < 0 ? any(0, two_pi) : static_cast<float>(between(random, 0, two_pi));
+      least[l] = any(-4.5, 4.5), most[l] = any(-4.5, 4.5);
+    }
+    turbomap::plane_code_batch batch;
+    batch.set(0, turbomap::plane_code_numbers<lane_pack>::of(lane_pack::load(angle), lane_pack::load(half_width),
+                                                             lane_pack::load(least), lane_pack::load(most)));
+    for (int l = 0; l < lanes; ++l) {
+      const auto one = turbomap::plane_code::of(angle[l], half_width[l], least[l], most[l]);
+      const auto same = batch[l];
+      CAPTURE(angle[l]);
+      CAPTURE(half_width[l]);
+      CAPTURE(least[l]);
+      CAPTURE(most[l]);
+      REQUIRE(same.angle == one.angle);
+      REQUIRE(same.half_width == one.half_width);
+      REQUIRE(same.least == one.least);
+      REQUIRE(same.most == one.most);
+      constexpr double units = 65536 / 6.283185307179586, steps = 8192;
+      if (half_width[l] < 0 || std::isnan(half_width[l])) REQUIRE(one.half_width == one.unbounded);
+      if (half_width[l] >= 0) {
+        REQUIRE((one.half_width == one.unbounded || one.half_width >= double{half_width[l]} * units + 0.99));
+        REQUIRE(std::abs(one.angle - double{angle[l]} * units) <= 1.01);
+      }
+      // NaN is no limit.
+      if (!(least[l] * steps > -32768 + 2)) REQUIRE(one.least == -32768);
+      if (least[l] * steps > -32768 + 2) REQUIRE((one.least <= double{least[l]} * steps && one.least < one.nowhere));
+      if (!(most[l] * steps < one.nowhere - 3)) REQUIRE(one.most == one.nowhere - 1);
+      if (most[l] * steps < one.nowhere - 3) REQUIRE(one.most >= double{most[l]} * steps);
+    }
+  }
+}
+
 TEST_CASE("windows and lists hold every candidate whose interval meets that of the query") {
   std::mt19937 random(2);
   long listed = 0, in_windows = 0;
@@ -49,8 +108,8 @@ TEST_CASE("windows and lists hold every candidate whose interval meets that of t
     const int n = 1 + static_cast<int>(random() % 200);
     const double widest = between(random, -3, 0.8);  // of the round, so that all kinds are there
     std::vector<plane_interval> intervals;
-    std::vector<std::int32_t> names, keys(static_cast<std::size_t>(n)), candidates(static_cast<std::size_t>(n));
-    std::vector<std::int32_t> offsets(static_cast<std::size_t>(epipolar_order_layout::total_buckets()) + 1);
+    std::vector<std::int32_t> names, candidates(static_cast<std::size_t>(n));
+    std::vector<std::int32_t> offsets(static_cast<std::size_t>(epipolar_order_layout::offset_count()));
     const auto interval = [&random, widest] {
       const auto angle = static_cast<float>(between(random, 0, two_pi));
       const bool unbounded = random() % 10 == 0;
@@ -66,23 +125,25 @@ TEST_CASE("windows and lists hold every candidate whose interval meets that of t
       intervals.push_back(interval());
       names.push_back(1000 + i);
     }
-    float sorted_width = 0;
+    std::uint16_t sorted_width = 0;
     const auto room = static_cast<std::size_t>(n + turbomap::plane_codes::padding);
-    std::vector<std::uint16_t> angles(room), half_widths(room);
-    std::vector<std::int16_t> least(room);
-    epipolar_table table{
-        offsets.data(), candidates.data(), {angles.data(), half_widths.data(), least.data()}, &sorted_width};
-    table.build(names.data(), intervals.data(), keys.data(), n);
+    code_list sorted(room), unsorted(room);
+    for (int i = 0; i < n; ++i) unsorted.view().set(i, epipolar_table::code_of(intervals[static_cast<std::size_t>(i)]));
+    const epipolar_table table{offsets.data(), candidates.data(), sorted.view(), &sorted_width};
+    table.build(names.data(), unsorted.view(), n);
+    for (int bucket = 0; bucket < epipolar_order_layout::total_buckets(); ++bucket)
+      REQUIRE(offsets[static_cast<std::size_t>(bucket)] <= offsets[static_cast<std::size_t>(bucket) + 1]);
     for (int i = 0; i < 50; ++i) {
       const plane_interval q = interval();
       std::vector<int> visits(static_cast<std::size_t>(n)), lists(static_cast<std::size_t>(n));
       std::vector<std::int32_t> list(room);
-      table.windows(q, [&](std::int32_t first, std::int32_t last) {
+      const turbomap::plane_code code = epipolar_table::code_of(q);
+      table.windows(code, [&](std::int32_t first, std::int32_t last) {
         REQUIRE((first >= 0 && last <= n));
         for (std::int32_t c = first; c < last; ++c)
           ++visits[static_cast<std::size_t>(candidates[static_cast<std::size_t>(c)] - 1000)];
         in_windows += last - first;
-        const int count = table.codes.list_meeting(epipolar_table::code_of(q), first, last, list.data(), 0);
+        const int count = table.codes.list_meeting(code, first, last, list.data(), 0);
         REQUIRE(count <= n);
         listed += count;
         for (int k = 0; k < count; ++k) {
@@ -145,7 +206,8 @@ scene_recipe random_recipe(std::mt19937& random, unsigned seed) {
 /// without the library's functions.
 struct measured_keypoint {
   std::int32_t keypoint;
-  plane_interval together, alone;
+  turbomap::plane_code together;
+  plane_interval alone;
   double angle;
 };
 
@@ -171,9 +233,9 @@ std::vector<measured_keypoint> measure_keypoints(const Measure& measure, const V
       const double angle = std::atan2(along(g.plane_y), along(g.plane_x));
       result.push_back({keypoints[k], {}, measure(ray, spread), g.straight ? 2 * angle : angle});
     }
-    plane_interval intervals[turbomap::ray_batch::size];
-    measure(rays, count, intervals);
-    for (int i = 0; i < count; ++i) result[first + static_cast<std::size_t>(i)].together = intervals[i];
+    turbomap::plane_code_batch codes;
+    measure(rays, count, codes);
+    for (int i = 0; i < count; ++i) result[first + static_cast<std::size_t>(i)].together = codes[i];
   }
   return result;
 }
@@ -197,8 +259,12 @@ order_tally count_left_out(scene<Descriptor, Camera>& s, const search_options& o
   order_tally t;
   const auto check_angle = [&t](const measured_keypoint& k, bool straight) {
     const float slack = (straight ? 2 : 1) * epipolar_order_layout::slack;
-    for (const plane_interval& i : {k.together, k.alone})
-      if (i.half_width >= 0 && !(std::abs(std::remainder(i.angle - k.angle, 2 * 3.14159265358979)) < slack)) ++t.off;
+    const auto off = [&k](double angle) { return std::abs(std::remainder(angle - k.angle, 2 * 3.14159265358979)); };
+    if (k.alone.half_width >= 0 && !(off(k.alone.angle) < slack)) ++t.off;
+    constexpr double unit = 2 * 3.14159265358979 / 65536;
+    if (k.together.half_width != turbomap::plane_code::unbounded &&
+        !(off(k.together.angle * unit) < slack + 1.01 * unit))
+      ++t.off;
   };
   const auto meet = [](const plane_interval& a, const plane_interval& b) {
     const float apart = std::abs(std::remainder(a.angle - b.angle, two_pi));
@@ -226,7 +292,9 @@ order_tally count_left_out(scene<Descriptor, Camera>& s, const search_options& o
             if (!scan.consistent(c.keypoint)) continue;
             ++t.passed;
             // Filters have a table of either side.
-            if (!meet(q.together, c.together) || !meet(q.alone, c.together) || !meet(q.alone, c.alone)) ++t.left_out;
+            if (!q.together.meets(c.together) || !epipolar_table::code_of(q.alone).meets(c.together) ||
+                !q.together.meets(epipolar_table::code_of(c.alone)) || !meet(q.alone, c.alone))
+              ++t.left_out;
           }
         }
       }
@@ -287,6 +355,24 @@ TEST_CASE("ordered equals exhaustive: other models") {
   fuzz(double_sphere_rig(), 10000, 400);
   fuzz(brown_conrady_rig(), 11000, 400);
   fuzz(equisolid_rig(), 12000, 100);
+}
+TEST_CASE("windows of more candidates than are listed at once") {
+  // Where a keypoint may be off by as much as one likes, every plane is unbounded: a window holds all candidates.
+  for (unsigned seed = 0; seed < 4; ++seed) {
+    scene_recipe recipe;
+    recipe.seed = seed, recipe.neighbours = 1, recipe.noise = 30;
+    recipe.query_keypoints = 60, recipe.neighbour_keypoints = 2600;
+    scene<orb, fisheye_camera> s(fisheye_rig(1), recipe);
+    search_options options;
+    options.scales = s.scales();
+    options.max_distance = seed % 2 == 0 ? 256 : 100;
+    options.reprojection_chi2 = 1e12;
+    options.candidate_set = turbomap::candidates::exhaustive;
+    const auto expected = search_under(sequential{}, s, options);
+    options.candidate_set = turbomap::candidates::epipolar_ordered;
+    CHECK(!expected.empty());
+    CHECK(same(search_under(sequential{}, s, options), expected));
+  }
 }
 TEST_CASE("octaves beyond the levels of the options") {
   // Nothing forbids it in a view that users made themselves: the tables of scales go on.

@@ -27,7 +27,7 @@ TURBOMAP_BEGIN_NAMESPACE
 /// results.
 struct epipolar_order_layout {
   /// Candidates are sorted up to this times the mean half-width of the table's; wider ones are compared with every query.
-  static constexpr float typical = 4;
+  static constexpr int typical = 4;
   static constexpr float widest = 1.0F / 3;  ///< but not beyond, rad
   static constexpr float slack = 3e-4F;      ///< rad, added to every half-width
   static constexpr float pi = 3.14159265F;   ///< half a turn, rad
@@ -35,6 +35,8 @@ struct epipolar_order_layout {
   static constexpr int bucket_count = 1024;  ///< over the full circle
   /// All buckets, and one more for the candidates of every query.
   static constexpr int total_buckets() { return bucket_count + 1; }
+  /// Where each bucket begins, the end of the last one, and one entry that sorting needs.
+  static constexpr int offset_count() { return total_buckets() + 2; }
 };
 
 /// An approximation of atan2 in [0, 2 pi), wrong by less than 1e-4: what decides comes later. F: float, or a pack of them.
@@ -70,7 +72,7 @@ struct plane_interval {
 
 /// Rays of keypoints, measured together. Places behind the last are read, so they hold numbers.
 struct ray_batch {
-  static constexpr int size = 64;  ///< rays in a batch
+  static constexpr int size = plane_code_batch::size;  ///< rays in a batch
   /// @{
   /// Coordinates of each ray, in the frame of its camera.
   float x[size] = {}, y[size] = {}, z[size] = {};
@@ -125,17 +127,15 @@ class plane_measure {
     measure(b.x, b.y, b.z, s, interval.angle, interval.half_width, interval.least, interval.most);
     return interval;
   }
-  /// Those of `count` keypoints.
-  void operator()(const ray_batch& rays, int count, plane_interval* intervals) const {
+  /// Those of `count` keypoints, as codes.
+  void operator()(const ray_batch& rays, int count, plane_code_batch& codes) const {
     using P = pack<float, 8>;
     static_assert(ray_batch::size % P::lanes == 0);
     for (int i = 0; i < count; i += P::lanes) {
       P angle, half_width, least, most;
       measure(P::load(rays.x + i), P::load(rays.y + i), P::load(rays.z + i), P::load(rays.spread + i), angle,
               half_width, least, most);
-      float angles[P::lanes], widths[P::lanes], lows[P::lanes], highs[P::lanes];
-      angle.store(angles), half_width.store(widths), least.store(lows), most.store(highs);
-      for (int l = 0; l < P::lanes && i + l < count; ++l) intervals[i + l] = {angles[l], widths[l], lows[l], highs[l]};
+      codes.set(i, plane_code_numbers<P>::of(angle, half_width, least, most));
     }
   }
 
@@ -182,51 +182,33 @@ class plane_measure {
 struct epipolar_table {
   using layout = epipolar_order_layout;  ///< sizes
 
-  std::int32_t* offsets;     ///< total_buckets() + 1
-  std::int32_t* candidates;  ///< by bucket; within a bucket in no particular order
-  plane_codes codes;         ///< of `candidates`; null: not made
-  float* sorted_width;       ///< half-width up to which candidates are sorted, rad
+  std::int32_t* offsets;        ///< layout::offset_count()
+  std::int32_t* candidates;     ///< by bucket; within a bucket in no particular order
+  plane_codes codes;            ///< of `candidates`; null: not made
+  std::uint16_t* sorted_width;  ///< half-width up to which candidates are sorted, as in their codes
 
   /// In sixteen bits.
   static plane_code code_of(const plane_interval& at) {
     return plane_code::of(at.angle, at.half_width, at.least, at.most);
   }
 
-  /// The bucket of an angle in [0, 2 pi).
-  static int bucket_of(float angle) {
-    constexpr int n = layout::bucket_count;
-    const int bucket = static_cast<int>(angle * (static_cast<float>(n) / (2 * layout::pi)));
-    return bucket < 0 ? 0 : bucket >= n ? n - 1 : bucket;
-  }
-
-  /// Sorts `count` candidates: chooses by their intervals which are sorted, then one counting sort by bucket.
-  /// \param keys  scratch of `count`
-  void build(const std::int32_t* keypoints, const plane_interval* intervals, std::int32_t* keys, int count) {
-    float sum = 0;
-    int bounded = 0;
+  /// Sorts `count` candidates: chooses by their codes which are sorted, then one counting sort by bucket.
+  /// \param given  their codes; `most` does not matter
+  void build(const std::int32_t* keypoints, const plane_codes& given, int count) const {
+    *sorted_width = width_to_sort(given.half_widths, count);
+    const auto key_of = [&](int i) {
+      return given.half_widths[i] <= *sorted_width ? given.angles[i] / bucket_units : layout::bucket_count;
+    };
+    // Counted two places behind: then offsets[key + 1] is where the bucket begins, and where the next one does once it is full.
+    for (int i = 0; i < layout::offset_count(); ++i) offsets[i] = 0;
+    for (int i = 0; i < count; ++i) ++offsets[key_of(i) + 2];
+    for (int i = 2; i < layout::offset_count(); ++i) offsets[i] += offsets[i - 1];
     for (int i = 0; i < count; ++i) {
-      sum += intervals[i].half_width < 0 ? 0 : intervals[i].half_width;
-      bounded += intervals[i].half_width < 0 ? 0 : 1;
-    }
-    const float typical = bounded == 0 ? layout::widest : layout::typical * sum / static_cast<float>(bounded);
-    *sorted_width = typical < layout::widest ? typical : layout::widest;
-    for (int i = 0; i <= layout::total_buckets(); ++i) offsets[i] = 0;
-    for (int i = 0; i < count; ++i) {
-      const plane_interval& at = intervals[i];
-      const bool sorted = at.half_width >= 0 && !(at.half_width > *sorted_width);
-      keys[i] = sorted ? bucket_of(at.angle) : layout::bucket_count;
-      ++offsets[keys[i] + 1];
-    }
-    for (int i = 0; i < layout::total_buckets(); ++i) offsets[i + 1] += offsets[i];
-    // Filling moves every offset to the end of its bucket, which is the start of the next: shifted back afterwards.
-    for (int i = 0; i < count; ++i) {
-      const std::int32_t to = offsets[keys[i]]++;
+      const std::int32_t to = offsets[key_of(i) + 1]++;
       candidates[to] = keypoints[i];
-      if (codes.angles != nullptr) codes.set(to, code_of(intervals[i]));
+      if (codes.angles != nullptr) codes.set(to, {given.angles[i], given.half_widths[i], given.least[i], 0});
     }
     if (codes.angles != nullptr) codes.set_end(count);
-    for (int i = layout::total_buckets(); i > 0; --i) offsets[i] = offsets[i - 1];
-    offsets[0] = 0;
   }
 
   /// Whether no candidate is in the table.
@@ -238,28 +220,44 @@ struct epipolar_table {
     /// Of both ranges.
     std::int32_t first[2], last[2];
     /// @}
+
+    /// Candidates in both ranges.
+    std::int32_t size() const { return last[0] - first[0] + last[1] - first[1]; }
   };
-  /// Every candidate whose interval meets `q`, and others. Without a branch that depends on `q`, so that windows of many
-  /// queries can be read at once.
-  window window_of(const plane_interval& q) const {
+  /// Every candidate whose code meets `q`, and others. Without a branch that depends on `q`, so that windows of many queries
+  /// can be read at once.
+  window window_of(plane_code q) const {
     // Those of every query come last. Where the circle wraps, the second range is the end of it with them, else they alone.
-    constexpr int n = layout::bucket_count, end = layout::total_buckets();
-    constexpr float per_bucket = static_cast<float>(n) / (2 * layout::pi);
-    const float angle = q.half_width < 0 ? 0.0F : q.angle;  // an unbounded one need not be a number
-    const float half = q.half_width + *sorted_width;
-    const int low = static_cast<int>(std::floor((angle - half) * per_bucket));
-    const int high = static_cast<int>(std::floor((angle + half) * per_bucket));
-    const bool all = q.half_width < 0 || high - low + 1 >= n, before = low < 0, after = high >= n;
+    constexpr int n = layout::bucket_count, end = layout::total_buckets(), turns = 2;
+    const int reach = q.half_width + *sorted_width;
+    const int low = (q.angle - reach + turns * 65536) / bucket_units - turns * n;  // rounded down
+    const int high = (q.angle + reach) / bucket_units;
+    const bool all = q.half_width == plane_code::unbounded || high - low + 1 >= n, before = low < 0, after = high >= n;
     const int first = all || before || after ? 0 : low;
     const int last = all ? n : before ? high + 1 : after ? high - n + 1 : high + 1;
     const int rest = all ? n : before ? n + low : after ? low : n;
     return {{offsets[first], offsets[rest]}, {offsets[last], offsets[end]}};
   }
-  /// Calls visit(first, last) for ranges of `candidates` that together hold every candidate whose interval meets `q`.
+  /// Calls visit(first, last) for ranges of `candidates` that together hold every candidate whose code meets `q`.
   template <class Visit>
-  void windows(const plane_interval& q, Visit visit) const {
+  void windows(plane_code q, Visit visit) const {
     const window w = window_of(q);
     for (int i = 0; i < 2; ++i) visit(w.first[i], w.last[i]);
+  }
+
+ private:
+  static constexpr int bucket_units = 65536 / layout::bucket_count;  ///< units of plane_code::angle in a bucket
+
+  /// The half-width up to which candidates are sorted, for those of `half_widths`.
+  static std::uint16_t width_to_sort(const std::uint16_t* half_widths, int count) {
+    constexpr auto widest = static_cast<std::int64_t>(layout::widest * 65536 / (2 * layout::pi));
+    std::int64_t sum = 0, bounded = 0;
+    for (int i = 0; i < count; ++i) {
+      const bool is_bounded = half_widths[i] != plane_code::unbounded;
+      sum += is_bounded ? half_widths[i] : 0, bounded += is_bounded ? 1 : 0;
+    }
+    const std::int64_t typical = bounded == 0 ? widest : layout::typical * sum / bounded;
+    return static_cast<std::uint16_t>(typical < widest ? typical : widest);
   }
 };
 

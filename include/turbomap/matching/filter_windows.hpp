@@ -38,7 +38,7 @@ class filter_windows {
                                           ? tables_.query_interval(tables_.query_measure(g, a), keypoint)
                                           : tables_.candidate_interval(tables_.candidate_measure(g, n, b), n, keypoint);
       bool found = false;
-      table.windows(interval, [&](std::int32_t begin, std::int32_t end) {
+      table.windows(epipolar_table::code_of(interval), [&](std::int32_t begin, std::int32_t end) {
         for (std::int32_t k = begin; k < end && !found; ++k) found = predicate(table.candidates[k]);
       });
       if (found) return true;

@@ -56,16 +56,40 @@ struct ordered_search {
     bool collected = false, straight = false;
   };
   static_assert(chunk_size == ray_batch::size);
-  /// Pairs of a query and a candidate whose intervals meet.
-  struct near_list {
-    static constexpr int piece = 128;       ///< candidates looked at between two looks at the room that is left
-    static constexpr int room = 1024;       ///< pairs that are kept until they are compared
-    std::uint8_t owners[room + 2 * piece];  ///< numbers of queries in the chunk
-    std::int32_t places[room + 2 * piece];  ///< of candidates in the table
-    int count = 0;
+  /// A candidate that is near enough.
+  struct hit {
+    int owner;                                    ///< number of the query in the chunk
+    std::int32_t candidate;                       ///< a keypoint
+    typename Descriptor::distance_type distance;  ///< of the two
   };
-  static_assert(chunk_size <= 256 && 2 * plane_codes::padding <= near_list::piece);
+  /// Pairs of a query and a candidate whose codes meet.
+  struct near_list {
+    static constexpr int room = 1024;  ///< pairs that are kept until they are compared
+    static constexpr int beyond =
+        room + 4 * plane_codes::padding;  ///< what is listed with a window, or written behind it
+    std::uint8_t owners[beyond];          ///< numbers of queries in the chunk
+    std::int32_t places[beyond];          ///< of candidates in the table
+    hit hits[beyond];                     ///< of those, ordered by distance for each query
+    int count = 0;
 
+    /// The pairs from `before` on are those of query i. 32 at once: most lists are shorter, and a length that varies costs a
+    /// branch that cannot be predicted.
+    void own(int before, int i) {
+      do std::memset(owners + before, i, 32);
+      while ((before += 32) < count);
+    }
+  };
+  static_assert(chunk_size <= 256 && plane_codes::padding >= 32);
+
+  void consider(int n, int slot, const hit& one) const {
+    const auto& search = tables.search;
+    std::int32_t& match = search.match[n * search.slot_count + slot];
+    auto& distance = search.distance[n * search.slot_count + slot];
+    candidate_scan<Descriptor, Camera> scan(search, n, search.queries[slot], match, distance);
+    scan.consider(one.candidate, one.distance);
+    match = scan.best();
+    distance = scan.best_distance();
+  }
   void collect(const plane_measure& measure, int a, int first, int last, chunk_rays& chunk) const {
     const auto& search = tables.search;
     const auto& query = search.query();
@@ -88,40 +112,50 @@ struct ordered_search {
     const epipolar_table table = tables.view(n, a, b);
     if (!chunk.collected || chunk.straight != g.straight) collect(measure, a, first, last, chunk);
     chunk.straight = g.straight;
-    plane_interval intervals[chunk_size];
-    measure(chunk.rays, chunk.count, intervals);
+    if (chunk.count == 0) return;
+    plane_code_batch codes;
+    measure(chunk.rays, chunk.count, codes);
     // All windows first: the loads of one need not wait until the branches of the last query are known.
     epipolar_table::window windows[chunk_size];
-    for (int i = 0; i < chunk.count; ++i) windows[i] = table.window_of(intervals[i]);
+    for (int i = 0; i < chunk.count; ++i) windows[i] = table.window_of(codes[i]);
     const listed_distances<Descriptor> distances{tables.descriptors_of(n, a, b)};
     const typename Descriptor::element* descriptors[chunk_size];
     for (int i = 0; i < chunk.count; ++i) descriptors[i] = query.descriptor_of(search.queries[chunk.slots[i]]);
-    // Compared for many queries in one loop (listed_distances.hpp).
+    // Compared for many queries in one loop (listed_distances.hpp). Of a query, the nearest first: the first consistent one makes
+    // the tests of the others needless.
     near_list near;
     const auto compare = [&] {
+      int hits = 0;
       distances.visit_near(descriptors, near.owners, near.places, near.count, search.max_distance, [&](int i, auto d) {
-        const int slot = chunk.slots[near.owners[i]];
-        std::int32_t& match = search.match[n * search.slot_count + slot];
-        auto& distance = search.distance[n * search.slot_count + slot];
-        candidate_scan<Descriptor, Camera> scan(search, n, search.queries[slot], match, distance);
-        scan.consider(table.candidates[near.places[i]], d);
-        match = scan.best();
-        distance = scan.best_distance();
+        const hit one{near.owners[i], table.candidates[near.places[i]], d};
+        int at = hits++;
+        for (; at > 0 && near.hits[at - 1].owner == one.owner && near.hits[at - 1].distance > d; --at)
+          near.hits[at] = near.hits[at - 1];
+        near.hits[at] = one;
       });
+      for (int h = 0; h < hits; ++h) consider(n, chunk.slots[near.hits[h].owner], near.hits[h]);
       near.count = 0;
     };
     for (int i = 0; i < chunk.count; ++i) {
-      const plane_code code = epipolar_table::code_of(intervals[i]);
+      const plane_code code = codes[i];
+      const epipolar_table::window& window = windows[i];
+      const int size = window.size();
+      if (size > near_list::room - near.count) compare();
+      const auto list = [&](std::int32_t first, std::int32_t last) {
+        near.count = table.codes.list_meeting(code, first, last, near.places, near.count);
+      };
+      const int before = near.count;
+      if (size <= near_list::room) {
+        list(window.first[0], window.last[0]), list(window.first[1], window.last[1]);
+        near.own(before, i);
+        continue;
+      }
       for (int range = 0; range < 2; ++range) {
-        const std::int32_t last = windows[i].last[range];
-        for (std::int32_t k = windows[i].first[range]; k < last; k += near_list::piece) {
-          const int before = near.count;
-          near.count = table.codes.list_meeting(code, k, last - k < near_list::piece ? last : k + near_list::piece,
-                                                near.places, near.count);
-          // 32 at once: most lists are shorter, and a length that varies costs a branch that cannot be predicted.
-          for (int owned = before; owned == before || owned < near.count; owned += 32)
-            std::memset(near.owners + owned, i, 32);
-          if (near.count > near_list::room) compare();
+        const std::int32_t last = window.last[range];
+        for (std::int32_t k = window.first[range]; k < last; k += near_list::room) {
+          list(k, last - k < near_list::room ? last : k + near_list::room);
+          near.own(0, i);
+          compare();
         }
       }
     }

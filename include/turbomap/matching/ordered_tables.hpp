@@ -15,6 +15,7 @@
 
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../math/pack.hpp"
 #include "epipolar_order.hpp"
 #include "search_view.hpp"
 
@@ -24,20 +25,19 @@ TURBOMAP_BEGIN_NAMESPACE
 enum class sorted_side { candidates, queries };
 
 /// The tables of one search, in scratch memory: one for each neighbour n, query camera a and neighbour camera b. Each owns
-/// total_buckets() + 1 offsets, and as many keypoints and keys as its side has. Host only.
+/// offset_count() offsets, and room for as many keypoints as its side has. Host only.
 template <class Descriptor, class Camera, sorted_side Side = sorted_side::candidates>
 struct ordered_tables {
   static constexpr bool of_candidates =
       Side == sorted_side::candidates;  ///< whether candidates are sorted, not queries
 
   search_view<Descriptor, Camera> search;  ///< keyframes and pairs
-  std::int32_t* offsets;                   ///< of each table, total_buckets() + 1
+  std::int32_t* offsets;                   ///< of each table, offset_count()
   std::int32_t* sorted;                    ///< keypoints by bucket, one table after the other
   plane_codes codes;                       ///< of `sorted`, in its order. Null: not made
-  float* sorted_width;                     ///< of each table, rad
+  std::uint16_t* sorted_width;             ///< of each table: epipolar_table::sorted_width
   std::int32_t* keypoints;                 ///< those of the camera, before sorting
-  plane_interval* intervals;               ///< of each keypoint, before sorting
-  std::int32_t* keys;                      ///< buckets, before sorting
+  plane_codes unsorted;                    ///< of `keypoints`, in their order
   /// Of `sorted`, in its order. Null: not copied.
   typename Descriptor::element* descriptors;
 
@@ -45,11 +45,8 @@ struct ordered_tables {
   epipolar_table view(int n, int a, int b) const {
     const std::int64_t table = number(n, a, b);
     const std::int64_t slice = first(n, a, b);
-    const plane_codes its_codes =
-        codes.angles == nullptr ? plane_codes{}
-                                : plane_codes{codes.angles + slice, codes.half_widths + slice, codes.least + slice};
-    return {offsets + table * (epipolar_order_layout::total_buckets() + 1), sorted + slice, its_codes,
-            sorted_width + table};
+    return {offsets + table * epipolar_order_layout::offset_count(), sorted + slice,
+            codes.angles == nullptr ? plane_codes{} : codes.from(slice), sorted_width + table};
   }
   /// The descriptors of one table.
   typename Descriptor::element* descriptors_of(int n, int a, int b) const {
@@ -101,61 +98,80 @@ struct ordered_tables {
   }
 };
 
-/// Index = table (n, a, b).
+/// Index = (n, camera of this side): its tables for all cameras of the other side. Rays are read once for all of them.
 template <class Descriptor, class Camera, sorted_side Side>
-struct build_ordered_table {
-  ordered_tables<Descriptor, Camera, Side> tables;  ///< where it is built
+struct build_ordered_tables {
+  ordered_tables<Descriptor, Camera, Side> tables;  ///< where they are built
 
-  /// Builds table i.
+  /// How many there are to build.
+  static int count(const search_view<Descriptor, Camera>& search) {
+    return search.neighbour_count * own_cameras(search);
+  }
+  /// Builds those of index i.
   void operator()(int i) const {
     const auto& search = tables.search;
-    const int b = i % search.neighbour_cameras, a = i / search.neighbour_cameras % search.query_cameras;
-    const int n = i / (search.neighbour_cameras * search.query_cameras);
-    epipolar_table table = tables.view(n, a, b);
-    const std::ptrdiff_t slice = table.candidates - tables.sorted;
-    const bool used = b < search.neighbour(n).camera_count && search.compares(n, a, b);
-    const int count = used ? collect(n, a, b, tables.keypoints + slice, tables.intervals + slice) : 0;
-    table.build(tables.keypoints + slice, tables.intervals + slice, tables.keys + slice, count);
-    if (tables.descriptors == nullptr) return;
-    auto* to = tables.descriptors_of(n, a, b);
-    const auto& from = tables.of_candidates ? search.neighbour(n) : search.query();
-    for (int k = 0; k < count; ++k, to += Descriptor::elements)
-      std::memcpy(to, from.descriptor_of(table.candidates[k]), Descriptor::bytes);
+    const int own = i % own_cameras(search), n = i / own_cameras(search);
+    const int others = tables.of_candidates ? search.query_cameras : search.neighbour_cameras;
+    const auto& view = tables.of_candidates ? search.neighbour(n) : search.query();
+    std::int32_t* const keypoints = tables.keypoints + (view_of(n, own, 0).candidates - tables.sorted);
+    const int count = collect(view, n, own, keypoints);
+    ray_batch rays;
+    for (int first = 0; first < count; first += ray_batch::size) {
+      const int size = count - first < ray_batch::size ? count - first : ray_batch::size;
+      for (int k = 0; k < size; ++k) rays.set(k, view.bearing[keypoints[first + k]], 0);
+      bool has_spreads = false, straight = false;
+      for (int other = 0; other < others; ++other) {
+        if (!used(n, own, other)) continue;
+        const int a = tables.of_candidates ? other : own, b = tables.of_candidates ? own : other;
+        const pair_geometry& g = search.pair(n, a, b);
+        const plane_measure measure =
+            tables.of_candidates ? tables.candidate_measure(g, n, b) : tables.query_measure(g, a);
+        if (!has_spreads || straight != g.straight)
+          for (int k = 0; k < size; ++k)
+            rays.spread[k] = measure.spread(rays.z[k], search.scale[view.octave[keypoints[first + k]]]);
+        has_spreads = true, straight = g.straight;
+        plane_code_batch codes;
+        measure(rays, size, codes);
+        tables.unsorted.set(view_of(n, own, other).candidates - tables.sorted + first, codes, size);
+      }
+    }
+    for (int other = 0; other < others; ++other) sort(view, n, own, other, keypoints, used(n, own, other) ? count : 0);
   }
 
  private:
-  /// The keypoints of this side that the camera sees, with their intervals.
-  int collect(int n, int a, int b, std::int32_t* keypoints, plane_interval* intervals) const {
+  static int own_cameras(const search_view<Descriptor, Camera>& search) {
+    return Side == sorted_side::candidates ? search.neighbour_cameras : search.query_cameras;
+  }
+  epipolar_table view_of(int n, int own, int other) const {
+    return tables.of_candidates ? tables.view(n, other, own) : tables.view(n, own, other);
+  }
+  /// Whether two cameras are compared at all.
+  bool used(int n, int own, int other) const {
+    const int a = tables.of_candidates ? other : own, b = tables.of_candidates ? own : other;
+    return b < tables.search.neighbour(n).camera_count && tables.search.compares(n, a, b);
+  }
+  /// The keypoints of this side that the camera sees.
+  int collect(const keyframe_view<Descriptor, Camera>& view, int n, int own, std::int32_t* keypoints) const {
     const auto& search = tables.search;
-    const pair_geometry& g = search.pair(n, a, b);
-    int count = 0, measured = 0;
-    ray_batch rays;
-    if constexpr (Side == sorted_side::candidates) {
-      const plane_measure measure = tables.candidate_measure(g, n, b);
-      const auto& neighbour = search.neighbour(n);
-      const auto measure_rest = [&] {
-        measure(rays, count - measured, intervals + measured);
-        measured = count;
-      };
-      for (int k = search.candidate_begin[n]; k < search.candidate_end[n]; ++k) {
-        const std::int32_t keypoint = search.candidates[k];
-        if (neighbour.camera_of(keypoint) != b) continue;
-        const vec3<float>& ray = neighbour.bearing[keypoint];
-        rays.set(count - measured, ray, measure.spread(ray.z, search.scale[neighbour.octave[keypoint]]));
-        keypoints[count++] = keypoint;
-        if (count - measured == ray_batch::size) measure_rest();
+    const std::int32_t* const list =
+        tables.of_candidates ? search.candidates + search.candidate_begin[n] : search.queries;
+    const int listed = tables.of_candidates ? search.candidate_end[n] - search.candidate_begin[n] : search.slot_count;
+    int count = 0;
+    for (int k = 0; k < listed; ++k)
+      if (view.camera_of(list[k]) == own) {
+        if (tables.descriptors != nullptr) prefetch(view.descriptor_of(list[k]), 1);
+        keypoints[count++] = list[k];
       }
-      measure_rest();
-    } else {
-      const plane_measure measure = tables.query_measure(g, a);
-      for (int k = 0; k < search.slot_count; ++k) {
-        const std::int32_t keypoint = search.queries[k];
-        if (search.query().camera_of(keypoint) != a) continue;
-        keypoints[count] = keypoint;
-        intervals[count++] = tables.query_interval(measure, keypoint);
-      }
-    }
     return count;
+  }
+  void sort(const keyframe_view<Descriptor, Camera>& view, int n, int own, int other, const std::int32_t* keypoints,
+            int count) const {
+    const epipolar_table table = view_of(n, own, other);
+    table.build(keypoints, tables.unsorted.from(table.candidates - tables.sorted), count);
+    if (tables.descriptors == nullptr) return;
+    auto* to = tables.descriptors + (table.candidates - tables.sorted) * Descriptor::elements;
+    for (int k = 0; k < count; ++k, to += Descriptor::elements)
+      std::memcpy(to, view.descriptor_of(table.candidates[k]), Descriptor::bytes);
   }
 };
 
@@ -174,16 +190,17 @@ ordered_tables<Descriptor, Camera, Side> take_tables(scratch_arena<Memory>& scra
                                                      : neighbours * static_cast<std::size_t>(search.slot_count));
   ordered_tables<Descriptor, Camera, Side> result{};
   result.search = search;
-  result.offsets = scratch.template take<std::int32_t>(tables * (epipolar_order_layout::total_buckets() + 1));
+  result.offsets = scratch.template take<std::int32_t>(tables * epipolar_order_layout::offset_count());
   result.sorted = scratch.template take<std::int32_t>(entries);
-  result.sorted_width = scratch.template take<float>(tables);
+  result.sorted_width = scratch.template take<std::uint16_t>(tables);
   result.keypoints = scratch.template take<std::int32_t>(entries);
-  result.intervals = scratch.template take<plane_interval>(entries);
-  result.keys = scratch.template take<std::int32_t>(entries);
+  const auto take_codes = [&]() -> plane_codes {
+    return {scratch.template take<std::uint16_t>(entries), scratch.template take<std::uint16_t>(entries),
+            scratch.template take<std::int16_t>(entries)};
+  };
+  result.unsorted = take_codes();
   if (for_search) {
-    result.codes.angles = scratch.template take<std::uint16_t>(entries);
-    result.codes.half_widths = scratch.template take<std::uint16_t>(entries);
-    result.codes.least = scratch.template take<std::int16_t>(entries);
+    result.codes = take_codes();
     result.descriptors = scratch.template take<typename Descriptor::element>(entries * Descriptor::elements);
   }
   return result;
@@ -193,9 +210,8 @@ ordered_tables<Descriptor, Camera, Side> take_tables(scratch_arena<Memory>& scra
 template <class Derived, class Descriptor, class Camera, sorted_side Side>
 void launch_build_tables(const thrust::execution_policy<Derived>& policy,
                          const ordered_tables<Descriptor, Camera, Side>& tables) {
-  const auto& search = tables.search;
-  for_each_index(derived(policy), search.neighbour_count * search.query_cameras * search.neighbour_cameras,
-                 build_ordered_table<Descriptor, Camera, Side>{tables});
+  using body = build_ordered_tables<Descriptor, Camera, Side>;
+  for_each_index(derived(policy), body::count(tables.search), body{tables});
 }
 
 TURBOMAP_END_NAMESPACE

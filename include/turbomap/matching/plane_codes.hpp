@@ -7,11 +7,14 @@
 /// as wide as its widest candidate needs: most candidates in it are narrower, and lie too far off. So intervals are compared before
 /// any descriptor is read, 16 or 32 at once where the processor has vectors of 256 or 512 bits.
 
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <type_traits>
 
 #include "../config.hpp"
 #include "../math/native_vector.hpp"
+#include "../math/pack.hpp"
 
 // Only where the namespace is that of AVX-512 (config.hpp): one of AVX2 must not hold such code.
 #if TURBOMAP_X86_VECTORS && defined(__AVX512VPOPCNTDQ__) && defined(__AVX512VL__) && defined(__AVX512BW__)
@@ -21,6 +24,29 @@
 #endif
 
 TURBOMAP_BEGIN_NAMESPACE
+
+/// The parts of a plane_code before they are cut to whole numbers, all within what their types hold. F: float, or a pack of them.
+template <class F>
+struct plane_code_numbers {
+  F angle;       ///< of the plane
+  F half_width;  ///< of the plane
+  F least;       ///< of the angle to the baseline
+  F most;        ///< likewise
+
+  /// Of a plane_interval. Rounded outwards; what is no number is no limit. \param half_width  < 0: unbounded
+  static plane_code_numbers of(F angle, F half_width, F least, F most) {
+    const F units(65536 / 6.28318531F), steps(8192.0F), zero(0.0F), unbounded(65535.0F);
+    const F lowest(-32768.0F), highest(32766.0F);  // below plane_code::nowhere
+    const F low = least * steps - F(2.0F), high = most * steps + F(2.0F);
+    // Two more: the angles of both lose up to one each, the width another.
+    const F width = half_width * units + F(2.0F);
+    const F turned = angle * units;
+    return {select_greater(zero, half_width, zero, select_greater(unbounded, turned, turned, unbounded)),
+            select_greater(zero, half_width, unbounded, select_greater(unbounded, width, width, unbounded)),
+            select_greater(low, lowest, select_greater(highest, low, low, highest), lowest),
+            select_greater(highest, high, select_greater(high, lowest, high, lowest), highest)};
+  }
+};
 
 /// The circle has 65536 units, so that differences of angles wrap as the angles do.
 struct plane_code {
@@ -34,18 +60,9 @@ struct plane_code {
 
   /// Of a plane_interval. \param half_width  < 0: unbounded
   static plane_code of(float angle, float half_width, float least, float most) {
-    constexpr float units = 65536 / 6.28318531F, steps = 8192;
-    // Rounded outwards; what is no number is no limit.
-    const float low = least * steps - 2, high = most * steps + 2;
-    plane_code code{0, unbounded, -32768, nowhere - 1};
-    if (low > -32768) code.least = low < nowhere - 1 ? static_cast<std::int16_t>(low) : std::int16_t{nowhere - 1};
-    if (high < nowhere - 1) code.most = high > -32768 ? static_cast<std::int16_t>(high) : std::int16_t{-32768};
-    if (half_width < 0) return code;
-    // Two more: the angles of both lose up to one each, the width another.
-    const float width = half_width * units + 2;
-    code.angle = static_cast<std::uint16_t>(static_cast<std::int32_t>(angle * units));
-    code.half_width = width < 65535 ? static_cast<std::uint16_t>(width) : unbounded;
-    return code;
+    const auto n = plane_code_numbers<float>::of(angle, half_width, least, most);
+    return {static_cast<std::uint16_t>(static_cast<std::int32_t>(n.angle)), static_cast<std::uint16_t>(n.half_width),
+            static_cast<std::int16_t>(n.least), static_cast<std::int16_t>(n.most)};
   }
   /// Whether the intervals of a query (this) and a candidate have a plane in common, or nearly, and the candidate is on the right
   /// side of the baseline.
@@ -53,6 +70,41 @@ struct plane_code {
     const auto apart = static_cast<std::uint16_t>(angle - other.angle);
     const int shorter = apart > 32768 ? 65536 - apart : apart;
     return shorter <= int{half_width} + int{other.half_width} && other.least <= most;
+  }
+};
+
+/// The codes of keypoints that are measured together. Places behind the last hold nothing that means anything.
+struct plane_code_batch {
+  static constexpr int size = 64;  ///< codes in a batch
+  /// @{
+  /// The parts of each code.
+  std::uint16_t angles[size], half_widths[size];
+  std::int16_t least[size], most[size];
+  /// @}
+
+  /// Code i (not checked).
+  plane_code operator[](int i) const { return {angles[i], half_widths[i], least[i], most[i]}; }
+  /// Sets as many codes from i on as a pack has lanes.
+  template <class Pack>
+  void set(int i, const plane_code_numbers<Pack>& numbers) {
+    cut(numbers.angle, angles + i), cut(numbers.half_width, half_widths + i);
+    cut(numbers.least, least + i), cut(numbers.most, most + i);
+  }
+
+ private:
+  template <class Pack, class Part>
+  static void cut(const Pack& numbers, Part* parts) {
+#if TURBOMAP_X86_VECTORS && TURBOMAP_VECTOR_BYTES >= 32
+    static_assert(Pack::lanes == 8);
+    const __m256i whole = _mm256_cvttps_epi32(numbers.v);
+    const __m128i low = _mm256_castsi256_si128(whole), high = _mm256_extracti128_si256(whole, 1);
+    const __m128i halves = std::is_signed_v<Part> ? _mm_packs_epi32(low, high) : _mm_packus_epi32(low, high);
+    std::memcpy(parts, &halves, sizeof halves);
+#else
+    float n[Pack::lanes];
+    numbers.store(n);
+    for (int l = 0; l < Pack::lanes; ++l) parts[l] = static_cast<Part>(static_cast<std::int32_t>(n[l]));
+#endif
   }
 };
 
@@ -65,6 +117,15 @@ struct plane_codes {
   std::uint16_t* half_widths;  ///< of the planes
   std::int16_t* least;         ///< angles to the baseline
 
+  /// The codes from `first` on.
+  plane_codes from(std::int64_t first) const { return {angles + first, half_widths + first, least + first}; }
+  /// Codes [k, k + count) from a batch, all but `most`.
+  void set(std::int64_t k, const plane_code_batch& batch, int count) const {
+    const auto n = static_cast<std::size_t>(count);
+    std::memcpy(angles + k, batch.angles, n * sizeof *angles);
+    std::memcpy(half_widths + k, batch.half_widths, n * sizeof *half_widths);
+    std::memcpy(least + k, batch.least, n * sizeof *least);
+  }
   /// Code k.
   void set(std::int32_t k, plane_code code) const {
     angles[k] = code.angle, half_widths[k] = code.half_width, least[k] = code.least;
