@@ -193,6 +193,44 @@ TEST_CASE_TEMPLATE("a counter that is used again counts as one look does", Map, 
   }
 }
 
+/// Keyframes of different keypoints, in a store whose places are used again and again: the counter remembers keypoints by handles.
+TEST_CASE("a counter that remembers keypoints counts as one look does") {
+  std::mt19937 random(6);
+  turbomap::redundancy_counter<flat_map> counter;
+  std::vector<std::uint32_t> scratch;
+  std::uint32_t generation = 0;
+  for (int maps = 0; maps < 4; ++maps) {
+    culling<flat_map> c;
+    for (std::uint32_t i = 0; i < 12; ++i)
+      c.add(random_keypoints(static_cast<std::uint32_t>(random()), 2, 5, 60 + 10 * static_cast<int>(random() % 3)));
+    for (int i = 0; i < 60; ++i) {
+      c.p.push_back(c.map.add_point({}, c.k[0]));
+      for (int n = 0; n < 12; ++n) turbomap::observe(c.map, c.p.back(), c.k[random() % 12], random() % 120);
+    }
+    turbomap::handle_table stored;
+    counter.clear();
+    counter.remember_by(&stored);
+    for (int n = 0; n < 600; ++n) {
+      const auto k = c.k[random() % 12];
+      const auto id = turbomap::map_traits<flat_map>::id(c.map, k);
+      // It leaves the store, and comes again: at the place of another one, or at its own.
+      if (n % 5 == 0) {
+        if (random() % 2 == 0) counter.drop_keypoints(id);
+        stored.erase(id);
+      } else if (!stored.contains(id)) {
+        stored.add(id, {static_cast<std::uint32_t>(random() % 4), ++generation});
+      }
+      keyframe_culling_options o;
+      o.max_depth = n % 100 < 50 ? 5.F : n % 100 < 70 ? 3.F : 0.F;
+      if (n % 50 == 0) turbomap::forget(c.map, c.k[random() % 12], random() % 120), counter.clear();
+      const auto a = counter(c.map, k, o), b = turbomap::count_redundant(c.map, k, o, scratch);
+      CHECK(a.points == b.points);
+      CHECK(a.redundant == b.redundant);
+    }
+    counter.remember_by(nullptr);
+  }
+}
+
 TEST_CASE("what a counter knows may keep a keyframe, but take none out") {
   culling<flat_map> c;
   for (int i = 0; i < 6; ++i) c.add({make_keypoint(0), make_keypoint(0)});

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <set>
 #include <utility>
@@ -169,8 +170,16 @@ nlohmann::json time_recorded_culling(std::vector<culled_map<Camera>>& maps, floa
   rules.share = 1;  // more than all of them: never
   rules.max_depth = close_depth;
   std::vector<turbomap::redundancy> counts;
+  // As in the stage, their keypoints are known from keyframes before.
+  std::deque<turbomap::handle_table> stored;
+  std::uint32_t slot = 0;
+  for (const auto& m : maps) {
+    stored.emplace_back();
+    for (const auto k : m.candidates) stored.back().add(traits::id(m.map, k), {slot++, 1});
+  }
   turbomap::redundancy_counter<typename culled_map<Camera>::map_type> counter;
   const auto count = [&](const culled_map<Camera>& m) {
+    counter.remember_by(&stored[static_cast<std::size_t>(&m - maps.data())]);
     counts.clear(), counter.clear();
     for (const auto k : m.candidates) counts.push_back(counter(m.map, k, options));
   };

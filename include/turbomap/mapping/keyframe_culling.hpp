@@ -16,13 +16,12 @@
 #include "../map/map_edit.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/neighbourhood.hpp"
-#include "../map/numbering.hpp"
 #include "../map/observation_counts.hpp"
 #include "../map/validate.hpp"
 #include "../math/strict.hpp"
-#include "../plain_vector.hpp"
 #include "../span.hpp"
 #include "look_again.hpp"
+#include "redundancy_counter.hpp"
 #include "stage.hpp"
 
 namespace turbomap {
@@ -46,128 +45,6 @@ struct culling_record {
 }  // namespace turbomap
 
 TURBOMAP_BEGIN_NAMESPACE
-
-/// Keyframes that see the point at `octave` or finer, but no more than `enough`: counting ends there. A prefix sum of the
-/// kept counts; without them, a walk over the observations.
-template <class Map, class List>
-std::uint32_t observers_up_to(const Map& map, typename map_traits<Map>::point point, int octave, std::uint32_t enough,
-                              [[maybe_unused]] List& scratch) {
-  if constexpr (counts_octaves_v<Map>) {
-    const auto& counts = map_traits<Map>::octave_counts(map, point);
-    return count_up_to({counts.data(), counts.size()}, octave, enough);
-  } else {
-    recount(map, point, scratch);
-    return count_up_to({scratch.data(), scratch.size()}, octave, enough);
-  }
-}
-
-/// Whether a keypoint is near enough to count, where the depth matters. No branch: which are cannot be predicted.
-inline int is_near(const keypoint& k, const keyframe_culling_options& options) {
-  return static_cast<int>(k.depth >= 0) & static_cast<int>(k.depth <= options.max_depth);
-}
-
-/// Points of the keyframe that count, and how many of them are redundant. A short sum per point where the map keeps counts
-/// (counts_octaves_v). `scratch` is reused memory. O(keypoints).
-template <class Map, class List>
-redundancy count_redundant(const Map& map, typename map_traits<Map>::keyframe keyframe,
-                           const keyframe_culling_options& options, List& scratch) {
-  using traits = map_traits<Map>;
-  const std::uint32_t enough = observers_with_own(options);
-  redundancy count;
-  for (std::size_t i = 0; i < keypoint_count_of(map, keyframe); ++i) {
-    const auto point = traits::point_at(map, keyframe, i);
-    if (point == typename traits::point{} || !traits::alive(map, point)) continue;
-    const auto& k = keypoint_of(map, keyframe, i);
-    if (options.max_depth > 0 && is_near(k, options) == 0) continue;
-    ++count.points;
-    count.redundant += observers_up_to(map, point, k.octave + options.octave_slack, enough, scratch) >= enough ? 1 : 0;
-  }
-  return count;
-}
-
-/// Counts as count_redundant() does, for many keyframes that share points: of each point the octave from which on enough
-/// keyframes see it is found once, and known until forget(). Where a map keeps no counts, or has no indices of points, it is
-/// count_redundant(). Make one and use it again: its memory is reused.
-template <class Map>
-class redundancy_counter {
- public:
-  using traits = map_traits<Map>;                                                        ///< how the map is read
-  using keyframe = typename traits::keyframe;                                            ///< names a keyframe
-  using point = typename traits::point;                                                  ///< names a point
-  static constexpr bool keeps = counts_octaves_v<Map> && point_numbering<Map>::indexed;  ///< anything between calls
-
-  /// Nothing is known any more: the map, or the options, may be others. O(points that were known).
-  void clear() {
-    if constexpr (keeps)  // else known_ is the scratch of count_redundant()
-      for (const std::uint32_t i : known_) enough_[i] = unknown;
-    known_.clear();
-  }
-  /// The points of a keyframe are looked up again.
-  void forget(const Map& map, const keyframe& k) {
-    if constexpr (keeps) {
-      for (std::size_t i = 0; i < keypoint_count_of(map, k); ++i) {
-        const point p = traits::point_at(map, k, i);
-        if (p == point{}) continue;
-        const auto at = static_cast<std::size_t>(traits::index(map, p));
-        if (at < enough_.size() && enough_[at] != unknown) enough_[at] = stale;
-      }
-    }
-  }
-  /// As count_redundant(). O(keypoints).
-  redundancy operator()(const Map& map, const keyframe& k, const keyframe_culling_options& options) {
-    if constexpr (!keeps) {
-      return count_redundant(map, k, options, known_);
-    } else {
-      redundancy count;
-      const std::size_t listed = list(map, k, options);
-      for (std::size_t n = 0; n < listed; ++n) {
-        const auto [i, p] = listed_[n];
-        if (p >= enough_.size()) enough_.resize(p + p / 2 + 16, unknown);
-        if (enough_[p] >= stale) look_up(map, traits::point_at(map, k, i), p, options);
-        const std::uint16_t enough = enough_[p];
-        count.points += enough != dead ? 1 : 0;
-        count.redundant += keypoint_of(map, k, i).octave + options.octave_slack >= enough ? 1 : 0;
-      }
-      return count;
-    }
-  }
-
- private:
-  struct view {
-    std::uint32_t keypoint, point;  ///< by index
-  };
-  // In enough_, besides octaves and beyond_octaves.
-  static constexpr std::uint16_t dead = beyond_octaves + 1;         ///< does not count
-  static constexpr std::uint16_t stale = 2 * beyond_octaves;        ///< to be looked up
-  static constexpr std::uint16_t unknown = 2 * beyond_octaves + 1;  ///< that, and not in known_
-
-  /// Whether a slot is empty, and a keypoint near, cannot be predicted: those that count are listed first, without a branch.
-  std::size_t list(const Map& map, const keyframe& k, const keyframe_culling_options& options) {
-    const std::size_t keypoints = keypoint_count_of(map, k);
-    const bool at_any_depth = !(options.max_depth > 0);  // then no keypoint is read for it
-    if (listed_.size() < keypoints) listed_.resize(keypoints);
-    std::size_t listed = 0;
-    for (std::size_t i = 0; i < keypoints; ++i) {
-      const point p = traits::point_at(map, k, i);
-      const bool there = !(p == point{});
-      listed_[listed] = {static_cast<std::uint32_t>(i), there ? static_cast<std::uint32_t>(traits::index(map, p)) : 0U};
-      listed += static_cast<std::size_t>(static_cast<int>(there) &
-                                         (at_any_depth ? 1 : is_near(keypoint_of(map, k, i), options)));
-    }
-    return listed;
-  }
-  void look_up(const Map& map, const point& p, std::uint32_t index, const keyframe_culling_options& options) {
-    if (enough_[index] == unknown) known_.push_back(index);
-    enough_[index] = dead;
-    if (!traits::alive(map, p)) return;
-    const auto& counts = traits::octave_counts(map, p);
-    enough_[index] = enough_from({counts.data(), counts.size()}, observers_with_own(options));
-  }
-
-  plain_vector<std::uint16_t> enough_;  ///< by index of the point
-  plain_vector<std::uint32_t> known_;   ///< indices; scratch where nothing is kept
-  plain_vector<view> listed_;
-};
 
 /// Where the current keyframe stands in time: what the guards of inertial systems ask for.
 template <class Map>
@@ -341,10 +218,14 @@ class keyframe_culling {
     const auto guard = s.guard();
     if (!traits::alive(s.map, candidate)) return;
     records_.clear();
+    counter_.remember_by(&s.stored);
     cull_keyframes(s.map, current, span<const keyframe>(&candidate, 1), options, records_, &touched_, erasing, s.faults,
                    counter_);
     for (const auto& record : records_)
-      if (record.verdict == culling_verdict::erased) erased(record.id);
+      if (record.verdict == culling_verdict::erased) {
+        counter_.drop_keypoints(record.id);
+        erased(record.id);
+      }
   }
   /// Points that lost a view since snapshot() and live on: their appearance is due.
   const list_of<point>& touched() const { return touched_; }
