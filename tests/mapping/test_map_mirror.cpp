@@ -11,6 +11,7 @@
 #include <turbomap/map/validate.hpp>
 #include <turbomap/mapping/look_again.hpp>
 #include <turbomap/mapping/map_mirror.hpp>
+#include <turbomap/mapping/point_culling.hpp>
 
 #include <algorithm>
 #include <array>
@@ -19,6 +20,7 @@
 #include <cstdint>
 #include <mutex>
 #include <random>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <utility>
@@ -43,7 +45,26 @@ inline turbomap::map_keyframe_id insert_keyframe(mirrored_map& map, const std::v
   return map.number(insert_keyframe(map.objects, keypoints, time_s, nullptr));
 }
 
+/// The name of a point that may be asked for its object only while the point is alive, as a handle with a generation.
+struct point_handle {
+  pointer_point* object = nullptr;
+
+  point_handle() = default;
+  point_handle(pointer_point* p) : object(p) {}
+  operator pointer_point*() const { return object; }
+  pointer_point* get() const {
+    if (object == nullptr || object->bad) throw std::out_of_range("point_handle");
+    return object;
+  }
+};
+struct handle_map : pointer_map {};
+
 }  // namespace turbomap_test
+
+template <>
+struct turbomap::map_traits<turbomap_test::handle_map> : turbomap::map_traits<turbomap_test::pointer_map> {
+  using point = turbomap_test::point_handle;
+};
 
 template <>
 struct turbomap::map_traits<turbomap_test::mirrored_map>
@@ -298,6 +319,21 @@ TEST_CASE("names of nothing, and those that the mirror never gave, may be prefet
     traits::prefetch(f.m, p, everything);
     CHECK_FALSE(traits::alive(f.m, p));
   }
+}
+
+TEST_CASE("a name that throws where its point is gone is not asked for the object before the map was asked") {
+  using handles = turbomap::map_traits<handle_map>;
+  handle_map map;
+  turbomap::map_mirror<handle_map> mirror(map);
+  auto* const k = insert_keyframe(map, {make_keypoint(0)}, 0, nullptr);
+  std::vector<turbomap::recent_point<turbomap::map_point_id>> recent;
+  for (int n = 0; n < 20; ++n) {
+    const point_handle p = handles::add_point(map, {}, k);
+    recent.push_back({mirror.number(p), 0});
+    if (n % 2 == 0) handles::retire(map, p, {});  // by others, who do not report it
+  }
+  CHECK(turbomap::cull_recent_points(mirror, recent, 2).dropped == 10);
+  CHECK(recent.empty());
 }
 
 TEST_CASE("a new point has no descriptor until it is described, in a place that another point had, too") {

@@ -223,8 +223,10 @@ struct map_traits<map_mirror<Map>> {
     m.copy().lose_point(at(p), replacement);
   }
 
-  // ---- look_again.hpp ----
+  /// @}
 
+  /// @{
+  /// See look_again.hpp.
   static void look_again(const mirror& m, point p) { detail::look_at_point(m.copy(), p); }
   static void look_again(const mirror& m, keyframe k) { detail::look_at_keyframe(m.copy(), k); }
   static void look_again(const mirror& m, keyframe k, std::size_t i) { detail::look_at_slot(m.copy(), k, i); }

@@ -8,8 +8,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <type_traits>
-#include <utility>
 
 #include "../config.hpp"
 #include "../map/map_traits.hpp"
@@ -59,29 +59,28 @@ void look_at_point(map_copy<Map>& copy, map_point_id p) {
   }
   copy.ensure(p);
 }
-template <class Name, class = void>
-inline constexpr bool is_smart_pointer_v = false;
+/// Where the object of a name lies; 0 where nobody can say that without asking the name, which may be of what is gone: a handle
+/// may throw then.
 template <class Name>
-inline constexpr bool
-    is_smart_pointer_v<Name, std::void_t<decltype(static_cast<const void*>(std::declval<const Name&>().get()))>> = true;
-
-/// Where the object of a name lies; null where a name is neither a pointer nor a smart pointer.
-template <class Name>
-const void* address_of([[maybe_unused]] const Name& name) {
+std::uintptr_t address_of([[maybe_unused]] const Name& name) {
   if constexpr (std::is_pointer_v<Name>)
-    return name;
-  else if constexpr (is_smart_pointer_v<Name>)
-    return name.get();
+    return reinterpret_cast<std::uintptr_t>(name);
   else
-    return nullptr;
+    return 0;
+}
+template <class Object>
+std::uintptr_t address_of(const std::shared_ptr<Object>& name) {
+  return reinterpret_cast<std::uintptr_t>(name.get());
 }
 /// Asks memory for the object behind the name of a point, which is mostly a few lines long.
 template <class Map>
 void ask_for(map_copy<Map>& copy, map_point_id p) {
   const std::size_t place = copy.at(p);
   if (place >= copy.points.size()) return;  // none
-  const auto* const object = static_cast<const char*>(address_of(copy.points.names[place]));
-  for (std::size_t line = 0; object != nullptr && line < 6; ++line) prefetch_line(object + 64 * line);
+  const std::uintptr_t object = address_of(copy.points.names[place]);
+  // An object may end before: as numbers, since no pointer may be formed beyond its end.
+  for (std::uintptr_t line = 0; object != 0 && line < 6; ++line)
+    prefetch_line(reinterpret_cast<const void*>(object + 64 * line));
 }
 /// Whether a point is alive.
 template <class Map>

@@ -148,7 +148,8 @@ class mirror_points {
   plain_vector<point_covariance> covariances;  ///< where the user's map keeps them
   plain_vector<element> descriptors;           ///< `elements` each
   observation_pool lists;                      ///< observations
-                                               /// @}
+
+  /// @}
 
  private:
   plain_detail::place_list places_;

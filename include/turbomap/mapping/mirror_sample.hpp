@@ -48,7 +48,9 @@ class mirror_sample {
  public:
   /// The caller holds the guard. \return how many were out of date
   std::size_t check(map_copy<Map>& copy, double share) {
-    return share > 0 ? check_points(copy, share) + check_keyframe(copy) : 0;
+    if (!(share > 0)) return 0;
+    const std::size_t points = check_points(copy, share);
+    return points + check_keyframe(copy);  // afterwards: what one of them reads the other finds up to date
   }
   /// Begins at the first ones.
   void reset() { point_ = keyframe_ = 0; }
