@@ -90,8 +90,9 @@ class local_mapper {
     stored_.remove(id);
     working_.removed(id);
   }
-  /// For a system that starts anew: all that was inserted leaves the store, and nothing is remembered of the map, which may have
-  /// been emptied before, ids and all. Options, hooks and the memory that stages work in stay. Not within a hook.
+  /// For a system that starts anew: all that was inserted leaves the store, and nothing that was learnt of the map is used again;
+  /// it may have been emptied before, ids and all. Options and hooks stay, and the memory that stages work in: lists there
+  /// keep names of keyframes and points until the next call. Not within a hook.
   void reset() {
     require_idle("reset");
     stored_.clear();

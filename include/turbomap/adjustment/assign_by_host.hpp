@@ -48,6 +48,7 @@ void upload_estimate(context<Policy>& ctx, Data& data, const frame_input<typenam
   launch_prepare_poses(ctx.policy(), static_cast<int>(n), x);
 }
 
+/// Puts a problem where the policy computes: the host orders the landmarks, makes all lists, and sends them with the numbers.
 /// \param data      a problem_data of these groups; all were checked
 /// \param in        what was given, described
 /// \param transfer  memory on the way

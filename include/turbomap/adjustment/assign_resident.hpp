@@ -69,6 +69,8 @@ struct resident_assignment {
   bool finite;  ///< whether all numbers of rows and landmarks are: told by the policy, which looks at them anyway
 };
 
+/// Puts a problem where the policy computes: the numbers are sent as they were given, and the policy makes the lists of observations.
+/// Where it cannot, the result says that the host must.
 /// \param data     a problem_data whose first group is reprojections, the only one with landmarks; all were checked and described
 /// \param builder  its frames are built here
 /// \param rest     groups of factors of frames

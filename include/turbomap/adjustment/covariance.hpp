@@ -14,7 +14,7 @@
 #include "../context.hpp"
 #include "../error.hpp"
 #include "../plain_vector.hpp"
-#include "frame_information.hpp"
+#include "information_sum.hpp"
 #include "problem.hpp"
 #include "profile_cholesky.hpp"
 
@@ -52,7 +52,7 @@ bool frame_covariance(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Pol
   problem.frames(ctx, states), problem.landmarks(ctx, given);
   for (const auto l : data.order.source()) landmarks.push_back(given[static_cast<std::size_t>(l)]);
   residual_rows<D> rows;
-  frame_information<D> observed;
+  information_sum<D> observed;
   profile_cholesky information;
   plain_vector<std::uint8_t> undetermined;
   const auto& fixed = data.landmark_fixed.host();

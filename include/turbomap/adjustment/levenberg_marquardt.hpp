@@ -86,7 +86,7 @@ class levenberg_marquardt {
     if constexpr (Solvers::has(reduced_solver::pcg))
       return iterate(detail::step_solver_of<Policy, pcg_solver<A, V, D>>(
           ctx_, s, data_.workspace, options_.pcg_tolerance, options_.pcg_max_iterations));
-    return adjustment_end::singular;  // not reached: choose() gives one that there is
+    return adjustment_end::singular;  // not reached: choose_solver() gives one that there is
   }
 
   adjustment_end iterate(solver_type&& solver) {

@@ -31,7 +31,7 @@ struct pose_observations {
   const double* information;                 ///< 1 / sigma^2, px^-2
   const std::uint8_t* camera;                ///< null: the first
   const point_covariance* covariance;        ///< of its point
-  motion_only_options options;               ///< thresholds
+  motion_only_options options;               ///< of the whole adjustment: the rounds and steps too
 
   /// The camera of an observation.
   TURBOMAP_HD const adjustment_camera<Camera>& camera_of(int i) const {

@@ -3,7 +3,8 @@
 #pragma once
 
 /// \file
-/// Which options a local_mapper refuses when it is made. Only its own are here: each stage checks its options when it is called.
+/// Which options a local_mapper refuses when it is made. Its own are here, and of the stages' the baseline of
+/// stereo neighbours and the culling of keyframes; all others are checked by their stage when it is called.
 
 #include "../error.hpp"
 #include "local_mapper_options.hpp"

@@ -24,7 +24,8 @@ enum class mapping_piece : std::uint8_t {
   fuse_back,         ///< the points of all targets in the keyframe
   cull_keyframe,     ///< one candidate
 };
-inline constexpr std::size_t mapping_pieces = 5;  ///< how many there are.
+/// How many there are.
+inline constexpr std::size_t mapping_pieces = static_cast<std::size_t>(mapping_piece::cull_keyframe) + 1;
 
 /// Clock, deadline and requests to stop, of one keyframe after the other. What pieces of work take is learnt from all of them.
 class mapping_progress {

@@ -53,7 +53,7 @@ class neighbourhood_fusion {
   }
   /// Points that gained observations in the last fuse(): their appearance is due.
   const list_of<point>& touched() const { return fusion_.touched(); }
-  /// No name is kept.
+  /// No target and no touched point is known. Lists that the work is done in keep names until the next call.
   void clear() {
     fusion_.begin();
     targets_.clear();

@@ -22,7 +22,7 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// Sums the information of the free frames. Keep one and use it again: it owns the memory that it works in.
 template <int D>
-class frame_information {
+class information_sum {
  public:
   /// \param held  [free frame] masks of unknowns that are known; empty: none
   /// \param sum   gets the matrix
