@@ -181,7 +181,7 @@ class local_mapper {
   /// Looks for duplicates between a keyframe's points and those of its neighbourhood, both ways, as the stage `fusion` does: after
   /// poses were corrected, so that points on the two sides of a loop are found to be one [ORB-SLAM3]. For the thread that
   /// calls process(), between two calls. No deadline holds. Appearances follow; fused, held, ms (by the appearances), refused
-  /// and points_updated of the last report() grow. After an exception the map is sound, and report().fused as before.
+  /// and points_updated of the last report() grow. After an exception the map is sound, and report().fused has what was done before it.
   /// \throws std::invalid_argument  as process()
   fusion_summary fuse_around(const keyframe& k) {
     require_idle("fuse_around");
@@ -197,13 +197,10 @@ class local_mapper {
       if (!s.can_use(current)) return {};
     }
     progress_.start(0);  // the deadline of the last process() has passed
-    fusion_summary found;
     fusion_.choose_targets(s, current, options_.neighbours.neighbourhood, progress_);
-    fusion_.fuse(s, current, fusion(), progress_, found);
-    due_.changed(fusion_.touched());
-    report_.fused += found;
+    fuse_with_targets(current, s);
     update_due(mapping_stage::fusion);
-    return found;
+    return fusion_.done();
   }
 
   /// Normals and distance ranges of points whose position was changed, e.g. in the adjust hook: during process(),
@@ -368,8 +365,21 @@ class local_mapper {
   }
   void fuse(stage_keyframe current, const scope& s) {
     report_.fusion_targets = fusion_.choose_targets(s, current, options_.neighbours.neighbourhood, progress_);
-    fusion_.fuse(s, current, fusion(), progress_, report_.fused);
-    due_.changed(fusion_.touched());
+    fuse_with_targets(current, s);
+  }
+  /// What was applied is reported, and its appearance is due, also where a later part throws.
+  void fuse_with_targets(stage_keyframe current, const scope& s) {
+    const auto note = [this] {
+      report_.fused += fusion_.done();
+      due_.changed(fusion_.touched());
+    };
+    try {
+      fusion_.fuse(s, current, fusion(), progress_);
+    } catch (...) {
+      note();
+      throw;
+    }
+    note();
   }
 
   void adjust(stage_keyframe current, const scope& s) {

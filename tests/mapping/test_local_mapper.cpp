@@ -587,6 +587,35 @@ TEST_CASE("fuse_around knows no deadline, and keeps the report of the stage") {
   CHECK(r.sound());
 }
 
+TEST_CASE("a fusion that ends between two parts: what it did is reported, and appearances are due") {
+  for (const bool on_request : {true, false}) {
+    CAPTURE(on_request);
+    auto options = stereo_case(noisy(11)).options;
+    options.fusion.commit.entries_per_guard = 1;
+    options.enabled[mapping_stage::fusion] = false;
+    stereo_run<watched> r(options, {}, noisy(11));
+    r.run.steps(6);  // makes duplicates
+    auto& mapper = r.run.mapper;
+    for (const auto s : all_stages) mapper.options().enabled[s] = s == mapping_stage::fusion;
+    const auto merged = mapper.report().fused.merged, points = r.run.map.point_count();
+    r.run.map.watch.before = [&] {
+      if (r.run.map.point_count() + 2 == points) throw std::runtime_error("no guard");
+    };
+    const auto last = r.run.keyframes().back();
+    if (on_request)
+      CHECK_THROWS_AS(mapper.fuse_around(last), std::runtime_error);
+    else
+      CHECK_THROWS_AS(mapper.process(last), std::runtime_error);
+    r.run.map.watch.before = nullptr;
+    CHECK(r.run.map.point_count() + 2 == points);
+    CHECK(mapper.report().fused.merged == merged + 2);
+    const auto updated = mapper.report().points_updated;
+    mapper.update_appearance({});  // whatever is due
+    CHECK(mapper.report().points_updated >= updated + 2);
+    CHECK(r.sound());
+  }
+}
+
 TEST_CASE("what a map says while it is fused or adjusted on request waits until that ends") {
   const auto c = stereo_case(noisy(11));
   const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);

@@ -57,8 +57,10 @@ class duplicate_fusion {
   }
   /// Points that gained observations since begin(): their appearance is due.
   const list_of<point>& touched() const { return commit_.touched(); }
-  /// Begins with a new keyframe: no point has been touched.
-  void begin() { commit_.clear(); }
+  /// What was done since begin(), also by a call that threw after some of its parts.
+  const fusion_summary& done() const { return done_; }
+  /// Begins with a new keyframe: nothing is done, and no point has been touched.
+  void begin() { commit_.clear(), done_ = {}; }
 
  private:
   static constexpr int all_cameras = -1;
@@ -191,9 +193,10 @@ class duplicate_fusion {
     for (std::size_t begin = 0; begin < plan_.size(); begin += most) {
       const std::size_t left = plan_.size() - begin;
       const auto guard = s.commit_guard();
-      summary += commit_(
+      const fusion_summary part = commit_(
           s.map, span<const duplicate<typename descriptor::distance_type>>(plan_.data() + begin, std::min(left, most)),
           span<const keyframe>(targets_.keyframes()), span<const point>(snapshot_.points()), options, s.faults);
+      summary += part, done_ += part;
     }
     return summary;
   }
@@ -201,6 +204,7 @@ class duplicate_fusion {
   duplicates<descriptor, camera, Policy> duplicates_;
   appearance_update<Map, Policy> appearance_;
   fusion_commit<Map> commit_;
+  fusion_summary done_;
   duplicate_snapshot<Map> snapshot_;
   keyframe_selection<Map> targets_;
   plain_vector<int> cameras_;

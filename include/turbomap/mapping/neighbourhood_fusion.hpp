@@ -42,15 +42,16 @@ class neighbourhood_fusion {
     targets_.resize(fitting);
     return fitting;
   }
-  /// Searches and commits both ways. \param fused  grows by what is done, also where the second way throws
-  void fuse(const scope& s, const keyframe& current, const fusion_options& options, mapping_progress& progress,
-            fusion_summary& fused) {
+  /// Searches and commits both ways. done() and touched() say what that did to the map, also where it throws.
+  void fuse(const scope& s, const keyframe& current, const fusion_options& options, mapping_progress& progress) {
     fusion_.begin();
     progress.timed(mapping_piece::fuse_target, static_cast<double>(targets_.size()),
-                   [&] { fused += fusion_.forward(s, current, targets_, options); });
+                   [&] { fusion_.forward(s, current, targets_, options); });
     if (!progress.fits(mapping_piece::fuse_back)) return progress.cut(mapping_piece::fuse_back);
-    progress.timed(mapping_piece::fuse_back, 1, [&] { fused += fusion_.backward(s, current, targets_, options); });
+    progress.timed(mapping_piece::fuse_back, 1, [&] { fusion_.backward(s, current, targets_, options); });
   }
+  /// What the last fuse() did.
+  const fusion_summary& done() const { return fusion_.done(); }
   /// Points that gained observations in the last fuse(): their appearance is due.
   const list_of<point>& touched() const { return fusion_.touched(); }
   /// No target and no touched point is known. Lists that the work is done in keep names until the next call.
