@@ -19,6 +19,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <mutex>
+#include <new>
 #include <random>
 #include <stdexcept>
 #include <string>
@@ -59,11 +60,24 @@ struct point_handle {
 };
 struct handle_map : pointer_map {};
 
+/// A map whose slots may find no memory.
+struct slotless_map : pointer_map {
+  bool fails = false;
+};
+
 }  // namespace turbomap_test
 
 template <>
 struct turbomap::map_traits<turbomap_test::handle_map> : turbomap::map_traits<turbomap_test::pointer_map> {
   using point = turbomap_test::point_handle;
+};
+
+template <>
+struct turbomap::map_traits<turbomap_test::slotless_map> : turbomap::map_traits<turbomap_test::pointer_map> {
+  static void set_point(turbomap_test::slotless_map& m, keyframe k, std::size_t i, point p) {
+    if (m.fails) throw std::bad_alloc();
+    turbomap::map_traits<turbomap_test::pointer_map>::set_point(m, k, i, p);
+  }
 };
 
 template <>
@@ -334,6 +348,26 @@ TEST_CASE("a name that throws where its point is gone is not asked for the objec
   }
   CHECK(turbomap::cull_recent_points(mirror, recent, 2).dropped == 10);
   CHECK(recent.empty());
+}
+
+TEST_CASE("an edit that ends between the list of a point and its slot: octaves are counted again") {
+  using traits = turbomap::map_traits<turbomap::map_mirror<slotless_map>>;
+  slotless_map map;
+  turbomap::map_mirror<slotless_map> mirror(map);
+  const auto a = mirror.number(insert_keyframe(map, {make_keypoint(0)}, 0, nullptr));
+  const auto b = mirror.number(insert_keyframe(map, {make_keypoint(0)}, 1, nullptr));
+  const auto p = traits::add_point(mirror, {1, 2, 3}, a);
+  REQUIRE(turbomap::observe(mirror, p, a, 0));
+  map.fails = true;
+  unsigned counted = 0;
+  SUBCASE("gained") {
+    CHECK_THROWS_AS(turbomap::observe(mirror, p, b, 0), std::bad_alloc);
+    counted = 2;
+  }
+  SUBCASE("lost") { CHECK_THROWS_AS(turbomap::forget(mirror, a, 0), std::bad_alloc); }
+  map.fails = false;
+  turbomap::look_again(mirror, p);
+  CHECK(traits::octave_counts(mirror, p)[0] == counted);
 }
 
 TEST_CASE("a new point has no descriptor until it is described, in a place that another point had, too") {

@@ -297,7 +297,8 @@ class map_copy {
   void forget_slots_of_old_list() {
     for (const observation& o : old_) keyframes[static_cast<std::size_t>(o.keyframe)].read = 0;
   }
-  /// What a slot holds now. Most often what it held before: its name tells, and nothing has to be looked up.
+  /// What a slot holds now. Most often what it held before: its name tells, and nothing has to be looked up. Names are never used
+  /// again (working_map.hpp): an equal name is the same point.
   point number_in_slot(std::size_t k, std::size_t i, const user_keyframe& name) {
     const user_point now = user_traits::point_at(map_, name, i);
     const point before = keyframes[k].slots[i];

@@ -63,8 +63,15 @@ struct map_traits<map_mirror<Map>> {
     return i < of(m, k).slots.size() ? of(m, k).slots[i] : point{};
   }
   static void set_point(mirror& m, keyframe k, std::size_t i, point p) {
-    m.copy().ensure(k);
-    user::set_point(m.map(), m.name(k), i, m.name(p));
+    const point before = point_at(m, k, i);
+    try {
+      user::set_point(m.map(), m.name(k), i, m.name(p));
+    } catch (...) {
+      // Edits change a list, its slot, then its counts: the counts of both points may be left behind.
+      m.copy().forget(before), m.copy().forget(p);
+      of(m, k).read = 0;
+      throw;
+    }
     if (i < of(m, k).slots.size()) of(m, k).slots[i] = p;
   }
   static void erase_keyframe(mirror& m, keyframe k) {
@@ -160,7 +167,14 @@ struct map_traits<map_mirror<Map>> {
     return {points(m).counts(at(p)), levels};
   }
   static void change_octave_count(mirror& m, point p, int octave, int change) {
-    if constexpr (counts_octaves_v<Map>) user::change_octave_count(m.map(), m.name(p), octave, change);
+    if constexpr (counts_octaves_v<Map>) {
+      try {
+        user::change_octave_count(m.map(), m.name(p), octave, change);
+      } catch (...) {
+        m.copy().forget(p);
+        throw;
+      }
+    }
     points(m).counts(at(p))[octave] += static_cast<std::uint32_t>(change);
   }
   static void prefetch(const mirror& m, point p, unsigned what) {

@@ -25,7 +25,7 @@ struct is_mirrored<T, std::enable_if_t<T::mirrored>> : std::true_type {};
 }  // namespace detail
 
 /// Whether a map is mirrored (`static constexpr bool mirrored = true` in its traits), which promises that names stay valid for as
-/// long as the mapper lives, and that others report what they change: docs/local_mapping.md.
+/// long as the mapper lives, that none is used again for something else meanwhile, and that others report what they change: docs/local_mapping.md.
 template <class Map>
 inline constexpr bool is_mirrored_v = detail::is_mirrored<map_traits<Map>>::value;
 
