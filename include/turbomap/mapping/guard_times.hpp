@@ -19,7 +19,7 @@ struct guard_times {
   double total_ms = 0;        ///< in all
   double longest_ms = 0;      ///< at most at once
   std::size_t over_1_ms = 0;  ///< how often for more than a millisecond
-  double commit_ms = 0;       ///< of total_ms: by creation and fusion, to apply what they found
+  double commit_ms = 0;       ///< of total_ms: by creation and fusion, to apply what they found; 0 of others
 
   /// It was held once more. \param commits  to apply what creation or fusion found
   void add(double ms, bool commits = false) {
