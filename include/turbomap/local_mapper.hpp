@@ -115,7 +115,9 @@ class local_mapper {
   void changed(const point& p) { working_.changed(p); }
   /// The same of a keyframe: its pose or its slots.
   void changed(const keyframe& k) { working_.changed(k); }
-  /// Everything may have changed: after a loop was closed, a global adjustment, a map that was loaded.
+  /// Everything may have changed: after a loop was closed, a global adjustment, a map that was loaded. From any thread, before the
+  /// guard is released under which the map was moved: a stage that takes it next must know. Everything is read anew after each
+  /// call: of a move in parts say it once, at the last part.
   void refresh() { working_.refresh(); }
 
   /// One iteration on a keyframe that is inserted, in the map, and holds its associations. Keyframes, points and observations

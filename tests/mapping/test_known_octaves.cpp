@@ -71,7 +71,7 @@ turbomap::local_mapper_options made_by_creation() {
 
 }  // namespace
 
-TEST_CASE("a corner's keypoints are two points where fusion does not look for one at the other") {
+TEST_CASE("a corner's keypoints are two points where they are more than known_octaves apart") {
   auto options = made_by_creation();
   for (const int octave : {0, 1, 2, 3, 7}) CHECK(points_made(octave, options) == (octave <= 1 ? 0 : corners));
   options.creation.known_octaves = 255;
@@ -81,7 +81,7 @@ TEST_CASE("a corner's keypoints are two points where fusion does not look for on
   CHECK(points_made(1, options) == corners);
 }
 
-TEST_CASE("balanced and accurate: fusion looks at more octaves, and a corner has one point") {
+TEST_CASE("balanced and accurate: keypoints of any octave count, and a corner has one point") {
   const auto options = made_by_creation();
   for (const auto& o : {options.balanced(), options.accurate()})
     for (const int octave : {1, 2, 7}) CHECK(points_made(octave, o) == 0);

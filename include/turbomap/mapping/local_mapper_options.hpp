@@ -98,7 +98,7 @@ struct local_mapper_options {
     if (predecessors < 10) predecessors = 10;  // where a camera turns away from all that it knows
     o.creation.mono_chi2 = o.fusion.search.mono_chi2 = mono_chi2;
     o.creation.stereo_chi2 = o.fusion.search.stereo_chi2 = stereo_chi2;
-    o.creation.known_octaves = 255;  // fusion looks at more octaves, too
+    o.creation.known_octaves = 255;  // measured with any octave; fusion reaches farther, too
     // At the point's own octave and finer ones the window holds the monocular gate, sqrt(13.816) = 3.72. It cuts what lies between
     // 4 and the gate of one octave coarser, 4.46 (scale factor 1.2), or the stereo gate, 4.03.
     o.fusion.search.radius = 4;

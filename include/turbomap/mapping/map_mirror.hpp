@@ -51,14 +51,15 @@ class map_mirror {
   /// What was read of it; a read of what is not here yet fills it in, also of a mirror that is const.
   map_copy<Map>& copy() const { return copy_; }
 
-  // ---- what others report; from any thread, with or without the guard; heard when the next keyframe is processed, refresh()
-  //      when the guard is next taken ----
+  // ---- what others report, from any thread ----
 
-  /// The point is another than it was: position, observations, whatever it has.
+  /// The point is another than it was: position, observations, whatever it has. With or without the guard; heard when the next
+  /// keyframe is processed.
   void changed(const user_point& p) { reports_.add(p); }
-  /// The keyframe is another than it was: its pose, its slots.
+  /// The keyframe is another than it was: its pose, its slots. As for a point.
   void changed(const user_keyframe& k) { reports_.add(k); }
-  /// Everything may have changed.
+  /// Everything may have changed. To be said before the guard is released under which that was done; heard when a stage next takes
+  /// the guard.
   void refresh() { reports_.add_all(); }
 
   // ---- for the mapper ----

@@ -60,9 +60,9 @@ struct creation_options {
   int known_views = 2;
   /// Beside: squared distance <= this (sigma2 of one + sigma2 of the other): 95 %, 2 dof, as merge_tolerance.
   double known_chi2 = 5.991;
-  /// Beside: of octaves that differ by so many at most; 255: of any. 1 is as far as fusion looks for a point: the predicted octave
-  /// and one finer (duplicate_options::finer_octaves). Keypoints of one corner that are farther apart in octaves are two points:
-  /// each is found where the other is too fine or too coarse, and their errors are their own. Measured: docs/evaluation.md.
+  /// Beside: of octaves that differ by so many at most, finer or coarser; 255: of any. 1 was chosen by measurement
+  /// (docs/evaluation.md). Keypoints of one corner that are farther apart are two points, whose errors are their own. Fusion would
+  /// rarely find one at the other: it looks at the octave that it predicts and one finer, where this rule predicts none.
   int known_octaves = 1;
   /// Tracks: a point is seen by so many keyframes at least. 1: the cameras of one rig suffice, which gives the most exact
   /// trajectories. 2 where things look alike side by side: half of what only one rig matches is wrong there. Measured:
