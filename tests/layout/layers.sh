@@ -2,7 +2,7 @@
 # SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 # SPDX-License-Identifier: Apache-2.0
 
-# layers.sh: who may include whom (layers.txt), and where details of the library stand: `detail` inside the inline
+# layers.sh: who may include whom (layers.txt allows no more than is needed), and where details of the library stand: `detail` inside the inline
 # namespace of config.hpp, `plain_detail` outside; one name in both places is ambiguous to some compilers.
 set -eu -o pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
@@ -56,10 +56,17 @@ printf '%s\n' "${files[@]}" | awk -v rules="$here/layers.txt" '
         if (!(to in file) && path ~ /^tools\// && ("tools/" target) in file) to = "tools/" target
         if (!(to in file)) { complain(path ":" number ": there is no \"" target "\""); continue }
         area = area_of(to)
+        used[from " " area] = 1
         if (area != from && index(allowed[from], " " area " ") == 0 && allowed[from] !~ /\*/)
           complain(path ":" number ": " from " must not include " area " (" to ")")
       }
       close(path)
+    }
+    for (from in allowed) {
+      n = split(allowed[from], area_list, " ")
+      for (i = 1; i <= n; ++i)
+        if (area_list[i] != "*" && !((from " " area_list[i]) in used))
+          complain("layers.txt: no file of " from " includes " area_list[i])
     }
     exit bad
   }'
