@@ -179,24 +179,42 @@ def minutes(seconds):
 
 
 def run_all(args, made, names):
-    """What every program said: replays {(case name, policy, what): JSON}, Ceres' clock, BAL problems, stages alone, and what
-    became of each stage on a device."""
+    """What every program said: replays {(case name, policy, what): JSON}, Ceres' clock, BAL problems, stages alone, what became of
+    each stage on a device, and what went wrong besides the replays [(recording or problem, policy, what, fault)]."""
     jobs = []  # (weight, name, work)
-    results, clock, adjusted, alone, device = {}, [], {}, {}, {}
-    centres = {}  # what the first replay of a set-up found out from observations, which takes a quarter of its time, holds for the others
+    results, measured, adjusted, alone, device, faults = {}, {}, {}, {}, {}, []
+    # Of each set-up that was replayed: what its first replay found out from observations, which takes a quarter of its time, holds for
+    # the others. []: the recording says it.
+    centres = {}
+
+    def keep(to, key, what, found, policy="-"):
+        if "failed" in found:
+            faults.append((key[0] if isinstance(key, tuple) else key, policy, what, found["failed"]))
+        else:
+            to[key] = found
+
+    def add_device_parts(case):
+        def work():
+            if case.name in centres:  # else all replays failed, which is told
+                keep(device, case.name, "kernels and transfers", device_parts(args, case, centres[case.name]), "cuda")
+        jobs.append((keyframe_count(args, case) * SECONDS_PER_KEYFRAME, f"{case.name}, kernels and transfers", work))
 
     def add_replay(case, policy, what, more, options):
         def work():
             fault = replays.simulate(case.folder, case.command) if case.command else None
             found = {"failed": fault} if fault else replays.replay(
                 args, case.folder, [*case.options, *options, *centres.get(case.name, [])], policy=policy, **more)
+            if "failed" not in found:
+                centres.setdefault(case.name, [])
             if "keypoint_offset" in found:
                 centres[case.name] = ["--pixel-centres" if found["pixel_centres"] else "--no-pixel-centres"]
             results[case.name, policy, what] = found
         jobs.append((keyframe_count(args, case) * SECONDS_PER_KEYFRAME, f"{case.name}, {policy}, {what}", work))
 
     threads = ["1"] if args.quick else ["1", "2"]
-    stressed = [name for name in names if name == "cuda" and not args.quick or name == names[0]]  # one core, and a device
+    stressed = [name for name in names if name in ("seq", "cuda")] or names[:1]  # one core, and a device
+    if args.quick:
+        stressed = stressed[:1]
     for case in made:
         for policy in names:
             for n in range(1, args.runs + 1):
@@ -212,21 +230,23 @@ def run_all(args, made, names):
                 for rate in RATES:
                     add_replay(case, policy, "rate " + rate, {}, ["--rate", rate])
             for policy in names[:1] if args.quick else names:
-                jobs.append(stages_alone(args, case, policy, alone))
+                jobs.append(stages_alone(args, case, policy, lambda found, case=case, policy=policy: keep(
+                    alone, (case.name, policy), "stages alone", found, policy)))
         if not case.command and "cuda" in names and (args.bin / KERNEL_TIMES).exists():
-            jobs.append((keyframe_count(args, case) * SECONDS_PER_KEYFRAME, f"{case.name}, kernels and transfers",
-                         lambda case=case: device.update({case.name: device_parts(args, case)})))
+            add_device_parts(case)
     if not args.no_times:
-        jobs.append((SECONDS_OF_BUNDLE, "Ceres' clock", lambda: clock.append(ceres_clock(args))))
+        jobs.append((SECONDS_OF_BUNDLE, "Ceres' clock", lambda: keep(measured, "Ceres' clock", "synthetic-lba", ceres_clock(args))))
         for problem in sorted(args.data.glob("bal*/problem*.txt")):
-            jobs.append((SECONDS_OF_BUNDLE, problem.stem, lambda problem=problem: bundle(args, problem, adjusted)))
+            jobs.append((SECONDS_OF_BUNDLE, problem.stem, lambda problem=problem: keep(
+                adjusted, problem.stem, "bundle adjustment", bundle(args, problem))))
     jobs = [job for job in jobs if job]
     shown = progress([weight for weight, *_ in jobs])
     for weight, name, work in jobs:
         begin = time.monotonic()
         work()
         shown.advance(weight, time.monotonic() - begin, name)
-    return results, clock[0] if clock else None, adjusted, alone, device
+    clock = get(measured, "Ceres' clock", "ceres", "ms_per_iteration")
+    return results, clock, {name: found for name, found in adjusted.items() if found}, alone, device, faults
 
 
 # --- tables -------------------------------------------------------------------------------------------------------------
@@ -292,15 +312,12 @@ def machine(args, names, clock):
 
 
 def ceres_clock(args):
-    """ms per iteration of Ceres on the problem that the recorded system's machine was timed with; None: cannot be told."""
+    """What turbomap-ceres-bundle finds of the problem that the recorded system's machine was timed with. Not kept: it is of this
+    machine as it is now. {}: there is no such program or problem."""
     program, problem = args.bin / "turbomap-ceres-bundle", args.data / "synthetic-lba/30-20-6000"
     if not program.exists() or not problem.exists():
-        return None
-    result = args.work / "ceres.json"
-    done = subprocess.run([str(program), str(problem), "--repeat", "3", "--json", str(result)], capture_output=True, text=True)
-    if done.returncode != 0 or not result.exists():
-        return None
-    return get(json.loads(result.read_text()), "ceres", "ms_per_iteration")
+        return {}
+    return found_by(program, [str(problem), "--repeat", "3"], replays.unfinished(args.work / "results/ceres/clock.json"))
 
 
 def runs(results, case, policy):
@@ -329,59 +346,74 @@ def shown_times(times):
     return {stage: f"{show(mean)} +- {show(deviation)}" for stage, (mean, deviation) in times.items()}
 
 
-def kept(program, name, command):
-    """The JSON that a program writes, of this run or of one before; None: it wrote none."""
-    result = program[0] / "results" / replays.digest(str(program[1])) / (name + ".json")
-    if not result.exists():
-        result.parent.mkdir(parents=True, exist_ok=True)
-        new = replays.unfinished(result)
-        subprocess.run([str(program[1]), *command, "--json", str(new)], capture_output=True)
-        if not new.exists():
-            return None
+def found_by(program, command, new, read=None, environment=None):
+    """The JSON that a program writes to `new`, or what `read` makes of what it prints. {'failed': why}: it did not end well."""
+    new.parent.mkdir(parents=True, exist_ok=True)
+    done = subprocess.run([str(program), *command, *([] if read else ["--json", str(new)])], capture_output=True, text=True,
+                          env={**os.environ, **(environment or {})})
+    found = None
+    if done.returncode == 0:
+        found = read(done.stdout) if read else json.loads(new.read_text()) if new.exists() else None
+    new.unlink(missing_ok=True)
+    return {"failed": done.stderr.strip() or f"exit status {done.returncode}, no result"} if found is None else found
+
+
+def kept(args, program, name, command, **more):
+    """What found_by() gives, of this run or of one before; what failed is not kept."""
+    result = args.work / "results" / replays.digest(str(program)) / (name + ".json")
+    if result.exists():
+        return json.loads(result.read_text())
+    new = replays.unfinished(result)
+    found = found_by(program, command, new, **more)
+    if "failed" not in found:
+        new.write_text(json.dumps(found))
         new.rename(result)
-    return json.loads(result.read_text())
+    return found
 
 
-def bundle(args, problem, adjusted):
-    """Adds what turbomap-ceres-bundle says of a BAL file, or turbomap-bundle where Ceres is not."""
+def bundle(args, problem):
+    """What turbomap-ceres-bundle says of a BAL file, or turbomap-bundle where Ceres is not; {}: there is neither."""
     program = next((p for p in (args.bin / "turbomap-ceres-bundle", args.bin / "turbomap-bundle") if p.exists()), None)
-    found = kept((args.work, program), problem.stem, [str(problem), "--iterations", "50", "--repeat", "3"]) if program else None
-    if found:
-        adjusted[problem.stem] = found
+    return kept(args, program, problem.stem, [str(problem), "--iterations", "50", "--repeat", "3"]) if program else {}
 
 
-def stages_alone(args, case, policy, alone):
-    """The job that adds {stage: {'ms_median': ..., 'oracle_ms_median': ...}} of turbomap-bench on a recording's snapshots to
-    alone[case name, policy]; None: there are no snapshots, or there is no program."""
+def stages_alone(args, case, policy, take):
+    """The job that gives {stage: {'ms_median': ..., 'oracle_ms_median': ...}} of turbomap-bench on a recording's snapshots, or its
+    fault, to take(); None: there are no snapshots, or there is no program."""
     program, repetitions = args.bin / "turbomap-bench", "3" if args.quick else "5"
     if not program.exists() or not json.loads((case.folder / "meta.json").read_text()).get("snapshots"):
         return None
 
     def work():
-        found = kept((args.work, program), f"stages_{case.folder.name}_{policy}_{repetitions}",
+        found = kept(args, program, f"stages_{case.folder.name}_{policy}_{repetitions}",
                      ["--recording", str(case.folder), "--policy", policy, "--repetitions", repetitions])
-        if found:
-            alone[case.name, policy] = found.get("stages", {})
+        take(found if "failed" in found else found.get("stages", {}))
     return SECONDS_OF_BENCH * int(repetitions), f"{case.name}, {policy}, stages alone", work
 
 
-def device_parts(args, case):
-    """{stage: (ms of kernels, ms of transfers) per keyframe} of creation and fusion on a device, by a replay of which CUPTI
-    records each kernel and copy. Programs without TURBOMAP_WITH_NVTX=1 do not name stages: {}."""
+def device_parts(args, case, centres):
+    """{stage: (ms of kernels, ms of transfers) per keyframe, the first ones too} of creation and fusion on a device, by a replay of which
+    CUPTI records each kernel and copy. `centres`: the option that says where pixels are, without which the program would replay twice.
+    Programs without TURBOMAP_WITH_NVTX=1 do not name stages: {}."""
     cupti = next((str(p) for p in map(pathlib.Path, CUPTI) if p.exists()), "")
-    done = subprocess.run([str(args.bin / "turbomap-replay"), str(case.folder), "--policy", "cuda", *args.options.split(),
-                           *(case.options or ["--no-imu"])], capture_output=True, text=True,
-                          env={**os.environ, "CUDA_INJECTION64_PATH": str(args.bin / KERNEL_TIMES), "NVTX_INJECTION64_PATH": cupti})
-    sums = {}
-    for line in done.stdout.partition("sums over the run")[2].split("\n")[2:]:
-        cells = line.split("|")
-        if len(cells) != 7:
-            continue
-        stage = next((s for s in cells[6].split()[-1].split("/") if s in STAGES), None)
-        if stage:
-            kernels, copies = sums.get(stage, (0, 0))
-            sums[stage] = (kernels + float(cells[1].split()[1]), copies + float(cells[2].split()[1]))
-    return {stage: (a / keyframe_count(args, case), b / keyframe_count(args, case)) for stage, (a, b) in sums.items()}
+    library = args.bin / KERNEL_TIMES
+    options = ["--policy", "cuda", *args.options.split(), *(case.options or ["--no-imu"]), *centres]
+
+    def read(said):
+        _, heading, lines = said.partition("sums over the run")
+        sums = {}
+        for line in lines.split("\n")[2:]:
+            cells = line.split("|")
+            stage = next((s for s in cells[6].split()[-1].split("/") if s in STAGES), None) if len(cells) == 7 else None
+            if stage:
+                kernels, copies = sums.get(stage, (0, 0))
+                sums[stage] = (kernels + float(cells[1].split()[1]), copies + float(cells[2].split()[1]))
+        count = keyframe_count(args, case)
+        return {stage: (a / count, b / count) for stage, (a, b) in sums.items()} if heading else None
+
+    name = re.sub(r"[^\w.-]+", "_", " ".join(["kernels", replays.digest(str(library)), case.folder.name, *options]))
+    return kept(args, args.bin / "turbomap-replay", name, [str(case.folder), *options], read=read,
+                environment={"CUDA_INJECTION64_PATH": str(library), "NVTX_INJECTION64_PATH": cupti})
 
 
 def table_ablation(found):
@@ -504,7 +536,8 @@ def below_at_clock(table_at_clock):
 def table_breakdown(made, names, results, device):
     t = table("Creation and fusion: where the time goes", "ms per keyframe. Reading: the map's guard is held to copy what is searched. "
               "Commit: it is held to apply what was found. The rest computes on copies, with appearances of the new points, and under cuda with "
-              "the transfers; kernels and transfers alone: of a second replay that a profiler recorded, with programs that name their stages.",
+              "the transfers; kernels and transfers alone: of a second replay that a profiler recorded, with programs that name their stages, "
+              "over all keyframes; the other columns leave out the first 11.",
               ["recording", "policy"])
     for case in made:
         for policy in names:
@@ -721,8 +754,10 @@ def check(path):
             sys.exit(f"evaluate: {path}: there is no {plot_file}")
     summary = next((t.note for t in read_csv(path.with_suffix(".csv")) if t.title == "Summary"), "")
     first = re.search(r"^# .*\n+((?:.+\n)+)", text, re.MULTILINE)
-    for stage in STAGES[:-1]:
-        if re.search(rf"\b{stage}\b", summary) and stage.replace("_", " ") not in (first.group(1) if first else ""):
+    said = " ".join(first.group(1).split()) if first else ""
+    for stage in STAGES:
+        name = "(?:total|the whole)" if stage == "total" else stage.replace("_", " ")
+        if re.search(rf"\b{stage}\b", summary) and not re.search(rf"\b{name}\b", said):
             sys.exit(f"evaluate: {path}: {stage} is below the paper's gain somewhere, and the first paragraph does not say so")
     return 0
 
@@ -741,7 +776,7 @@ def main():
         sys.exit("evaluate: there is nothing to replay: no policy or no recording")
     replays.sweep(args.work)
     try:
-        results, clock, adjusted, alone, device = run_all(args, made, names)
+        results, clock, adjusted, alone, device, others = run_all(args, made, names)
     except KeyboardInterrupt:
         sys.exit(f"\nevaluate: stopped. What is done is kept in {args.work}: the same command goes on from there")
     times, gains, sentence = table_one(made, names, results)
@@ -751,6 +786,7 @@ def main():
         sentence = "Errors and determinism only; times were left out."
     summary = table("Summary", sentence, ["what"])
     faults = [(name, policy, what, found["failed"]) for (name, policy, what), found in results.items() if "failed" in found]
+    faults += others
     summary.add(["recordings and set-ups"], {"count": len(made)})
     summary.add(["replays"], {"count": len(results)})
     summary.add(["failed"], {"count": len(faults)})

@@ -30,9 +30,11 @@ if not pathlib.Path(words[0]).is_dir():
     print("turbomap-replay: " + words[0] + ": is not a directory with a recording", file=sys.stderr); sys.exit(2)
 with open({log!r}, "a") as file: file.write(" ".join(words) + "\\n")
 if "CUDA_INJECTION64_PATH" in os.environ:
+    times = 1 if "--pixel-centres" in words else 2  # without it, it replays once more to find it out
+    if "STUB_FAILS" in os.environ: sys.exit("out of order")
     print("sums over the run, in ms; a range without the ranges in it\\n the titles of the columns")
     rest = "| 4 0.1 | 3 0.1 | 1 0.1 | 0 0.0 "
-    print(" 2.00 31 | 12 6.20 | 3 3.10 0.20 " + rest + " keyframe/fusion")
+    print(" 2.00 31 | 12 " + str(6.2 * times) + " | 3 3.10 0.20 " + rest + " keyframe/fusion")
     print(" 1.00 31 | 2 3.10 | 0 0.00 0.00 " + rest + " keyframe/fusion/search_by_projection")
     print(" 9.00 1 | 1 9.00 | 1 9.00 9.00 " + rest + " outside")
     sys.exit(0)
@@ -187,9 +189,15 @@ class evaluation(unittest.TestCase):
         waiting = subprocess.Popen(self.command(), env=self.environment(STUB_WAITS="1"), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
                                    text=True)
         said = ""
+        deadline = time.monotonic() + 120
         while "about" not in said or "left" not in said:  # how much is done and how long the rest will take
-            said += waiting.stderr.readline()
+            line = waiting.stderr.readline()
+            said += line
+            self.assertTrue(line, said)  # it ended
         while not any("--rate" in line for line in self.replays()):
+            if waiting.poll() is not None or time.monotonic() > deadline:
+                waiting.kill()
+                self.fail(said + waiting.communicate()[1])
             time.sleep(0.05)
         waiting.kill()  # in the middle of the first replay with a rate
         waiting.communicate()
@@ -212,7 +220,11 @@ class evaluation(unittest.TestCase):
         self.assertEqual(self.figure(parts, ("euroc_tiny", "cuda"), "fusion: kernels"), "0.3")  # 9.3 ms in 31 keyframes
         self.assertEqual(self.figure(parts, ("euroc_tiny", "cuda"), "fusion: transfers"), "0.1")
         self.assertIsNone(self.figure(parts, ("euroc_tiny", "seq"), "fusion: kernels"))
-        self.assertEqual(self.figure("Keyframes that come faster", ("euroc_tiny", "8x", "cuda"), "skipped adjustments"), "5")
+        for policy in ("cuda", "seq"):
+            self.assertEqual(self.figure("Keyframes that come faster", ("euroc_tiny", "8x", policy), "skipped adjustments"), "5")
+        before = len(self.replays())
+        self.assertEqual(self.run_it("--policies", "cuda,seq", STUB_DEVICE="1").returncode, 0)
+        self.assertEqual(len(self.replays()), before)  # kept, also what the profiler recorded
 
     def test_beside_ceres(self):
         (self.root / "bin/turbomap-ceres-bundle").write_text(BUNDLE_STUB.format(python=sys.executable))
@@ -257,12 +269,42 @@ class evaluation(unittest.TestCase):
         done = self.run_it("--check", str(page))
         self.assertEqual(done.returncode, 1)
         self.assertIn("creation is below", done.stderr)
+        csv_file = page.with_suffix(".csv")
+        rows = csv_file.read_text()
+        sentence = "euroc_tiny, seq, creation: 0.5"
+        self.assertIn(sentence, text)
+        csv_file.write_text(rows.replace(sentence, "euroc_tiny, seq, total: 0.5"))
+        for shown, status in (("creation", 1), ("creation, totally,", 1), ("creation and the total", 0), ("creation and the whole", 0)):
+            page.write_text(text.replace(sentence, "euroc_tiny, seq, total: 0.5").replace("but creation are", f"but {shown} are"))
+            done = self.run_it("--check", str(page))
+            self.assertEqual(done.returncode, status, done.stderr)
+            self.assertEqual("total is below" in done.stderr, status == 1)
+        csv_file.write_text(rows)
         page.write_text(text.replace("| 3.57 |", "| 3.58 |"))
         done = self.run_it("--check", str(page))
         self.assertEqual(done.returncode, 1)
         self.assertIn("3.58", done.stderr)
         page.write_text(text.replace(evaluate.END, ""))
         self.assertEqual(self.run_it("--check", str(page)).returncode, 1)
+
+    def test_other_programs_that_fail_are_told_and_run_again(self):
+        for program in ("bundle", "bench", "ceres-bundle"):  # each writes its JSON all the same
+            text = {"bundle": BUNDLE_STUB, "bench": BENCH_STUB, "ceres-bundle": BUNDLE_STUB}[program].format(python=sys.executable)
+            good = self.root / f"bin/turbomap-{program}"
+            good.write_text(text + "import os\nif os.environ.get('STUB_FAILS'): sys.exit('out of order')\n")
+            good.chmod(0o755)
+        (self.root / "data/synthetic-lba/30-20-6000").mkdir(parents=True)
+        (self.root / "bin" / evaluate.KERNEL_TIMES).write_text("")
+        quick = ("--quick", "--runs", "1", "--policies", "seq,cuda")
+        self.assertEqual(self.run_it(*quick, STUB_DEVICE="1", STUB_FAILS="1").returncode, 1)
+        self.assertEqual(self.figure("Summary", ("failed",), "count"), "4")
+        for key in (("euroc_tiny", "seq", "stages alone"), ("problem-1", "-", "bundle adjustment"),
+                    ("Ceres' clock", "-", "synthetic-lba"), ("euroc_tiny", "cuda", "kernels and transfers")):
+            self.assertEqual(self.figure("Failed", key, "fault"), "out of order")
+        self.assertEqual(self.run_it(*quick, STUB_DEVICE="1").returncode, 0)
+        self.assertEqual(self.figure("Summary", ("failed",), "count"), "0")
+        self.assertEqual(self.figure("Machine", ("Ceres' clock",), "value"), "35.0 ms per iteration")
+        self.assertEqual(self.figure("Creation and fusion: where the time goes", ("euroc_tiny", "cuda"), "fusion: transfers"), "0.1")
 
     def test_a_replay_that_fails_is_told(self):
         (self.root / "bin/turbomap-replay").write_text(f"#!{sys.executable}\nimport sys\nsys.exit('no_recording, broken')\n")
