@@ -13,6 +13,7 @@
 #include <stdexcept>
 #include <string>
 #include <system_error>
+#include <utility>
 
 #include <CLI/CLI.hpp>
 
@@ -276,8 +277,18 @@ int main(int argc, char** argv) try {
   if (a.beside == std::vector<std::string>{"all"}) a.beside = other_policies(a.policy);
   if (a.check && !a.beside.empty()) throw std::invalid_argument("--beside: not together with --check");
 
-  if (mappers > 1 && (a.check || !a.beside.empty() || a.growth))
-    throw std::invalid_argument("--mappers: not together with --check, --beside or --growth");
+  if (mappers > 1) {  // what is of one replay
+    const std::pair<const char*, bool> of_one[] = {{"--check", a.check},
+                                                   {"--beside", !a.beside.empty()},
+                                                   {"--growth", a.growth},
+                                                   {"--report", !a.report.empty()},
+                                                   {"--ply", !a.ply.empty()},
+                                                   {"--trajectory", !a.trajectory.empty()},
+                                                   {"--error-parts", a.error_parts},
+                                                   {"--merge-causes", a.merge_causes}};
+    for (const auto& [name, given] : of_one)
+      if (given) throw std::invalid_argument(std::string(name) + ": not together with --mappers");
+  }
   outcome result = mappers > 1 ? turbomap_replay::replay_side_by_side(a, mappers, run) : run(a);
   if (a.check) std::printf("%s\n%s\n", result.json.dump(2).c_str(), result.good ? "check: all agree" : "check: FAILED");
   if (!a.beside.empty()) run_beside(a, result);

@@ -99,6 +99,7 @@ struct arguments {
 struct outcome {
   nlohmann::json json;
   bool good = true;
+  double begin_ms = 0, end_ms = 0;  ///< wall clock around all its replays, without what is read before
 };
 
 /// One run under the host policy that the arguments name, or under CUDA. The templates of every stage are behind them, in

@@ -120,6 +120,8 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
     std::printf("replayed without its IMU: %s\n", arguments.without_imu.c_str());
   replay_result result;
   std::vector<replay_row> rows;  // of all repetitions, the first keyframes left out
+  outcome o;
+  o.begin_ms = now_ms();
   for (int k = 0; k < arguments.repeat; ++k) {
     result = arguments.imu == choice::yes ? replay_inertial<Camera>(recording, policy, arguments)
              : arguments.objects
@@ -127,6 +129,7 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
                  : replayer<turbomap::simple_map<orb, Camera>, Policy>(recording, policy, arguments).run();
     for (std::size_t i = warm_up; i < result.rows.size(); ++i) rows.push_back(result.rows[i]);
   }
+  o.end_ms = now_ms();
   const turbomap::timing_table timing = turbomap::read_timing(arguments.recording);
   const std::vector<stage_samples> stages = stages_of(rows, timing);
   std::size_t skipped = 0, cut = 0, keyframes_culled = 0, points_culled = 0, created = 0, matches = 0;
@@ -151,7 +154,6 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
     creation.views_left_out += row.report.creation.views_left_out;
     fused += row.report.fused;
   }
-  outcome o;
   o.good = result.faults == 0;
   o.json = {{"recording", arguments.recording.string()},
             {"policy", arguments.policy},

@@ -70,7 +70,9 @@ fi
 # Options that would do nothing are refused, by their names.
 said=$(mktemp)
 trap 'rm -f "$json" "$said"' EXIT
-for option in "--imu-noise 2" --pixel-centres "--culling-observers 8 --preset accurate"; do
+for option in "--imu-noise 2" --pixel-centres "--culling-observers 8 --preset accurate" "--growth --mappers 2" \
+  "--trajectory /dev/null --mappers 2" "--ply /dev/null --mappers 2" "--report /dev/null --mappers 2" "--error-parts --mappers 2" \
+  "--merge-causes --mappers 2"; do
   status=0
   # shellcheck disable=SC2086  # options and their values
   "$1" "$2" --policy "$3" --no-bound $option >"$said" 2>&1 || status=$?
