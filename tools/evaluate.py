@@ -456,7 +456,7 @@ def time_to_best(found, who="turbomap"):
 
 
 def table_bundle(found_by_name):
-    t = table("Bundle adjustment of BAL files", "One thread, at most 50 iterations, medians of 3; ms without the set-up. The best cost: the "
+    t = table("Bundle adjustment of BAL files", "One thread, at most 50 iterations, of 3 runs that of the median time; ms without the set-up. The best cost: the "
               "lowest that ours or Ceres reached.", ["problem"])
     for name, found in found_by_name.items():
         ours = found.get("turbomap", found)

@@ -120,7 +120,8 @@ inline ceres_result run_ceres(ceres::Problem& problem, const arguments& a, const
   r.cost_initial = s.initial_cost, r.cost_final = s.final_cost;
   for (int i = 1; i <= r.iterations; ++i) {
     const auto& step = s.iterations[static_cast<std::size_t>(i)];
-    r.costs.push_back(step.cost);
+    // Of a step that it does not take, Ceres reports the cost where it would have led.
+    r.costs.push_back(step.step_is_successful ? step.cost : r.costs.empty() ? r.cost_initial : r.costs.back());
     r.ms.push_back(1e3 * (step.cumulative_time_in_seconds - s.preprocessor_time_in_seconds));
   }
   r.ms_solve = 1e3 * s.minimizer_time_in_seconds, r.ms_setup = ms_setup + 1e3 * s.preprocessor_time_in_seconds;
