@@ -226,7 +226,7 @@ nlohmann::json time_culling(map_scene<Policy>& scene, int repetitions, double di
   turbomap_test::oracle_culling_rules rules;
   rules.share = 1;
   std::vector<turbomap::redundancy> counts;
-  // As in the stage, their keypoints are known from keyframes before.
+  // Their keypoints are known from a call before. In the stage, those of a new candidate are not.
   turbomap::handle_table stored;
   for (std::size_t i = 0; i < ids.size(); ++i) stored.add(ids[i], {static_cast<std::uint32_t>(i), 1});
   turbomap::redundancy_counter<typename scene_type::map_type> counter;

@@ -170,7 +170,7 @@ nlohmann::json time_recorded_culling(std::vector<culled_map<Camera>>& maps, floa
   rules.share = 1;  // more than all of them: never
   rules.max_depth = close_depth;
   std::vector<turbomap::redundancy> counts;
-  // As in the stage, their keypoints are known from keyframes before.
+  // Their keypoints are known from a call before. In the stage, those of a new candidate are not.
   std::deque<turbomap::handle_table> stored;
   std::uint32_t slot = 0;
   for (const auto& m : maps) {
