@@ -2,8 +2,8 @@
 # SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 # SPDX-License-Identifier: Apache-2.0
 
-# layers.sh: who may include whom (layers.txt allows no more than is needed), and where details of the library stand: `detail` inside the inline
-# namespace of config.hpp, `plain_detail` outside; one name in both places is ambiguous to some compilers.
+# layers.sh: who may include whom (layers.txt allows no more than is needed), and where details of the library stand: `detail`
+# inside the inline namespace of config.hpp, `plain_detail` outside; one name in both places is ambiguous to some compilers.
 set -eu -o pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 cd "$here/../.."
