@@ -66,7 +66,7 @@ set(turbomap_optimised_tests "same_bits|same_map|strict|atomic|threads")
 set(turbomap_busy_tests "correspondence_search|epipolar_order|track_creation|filters|triangulation|covariance")
 string(APPEND turbomap_busy_tests "|local_map_search|simulation|batch_bound|schur_system|interleavings|test_preintegration")
 string(APPEND turbomap_busy_tests "|initialise|point_uncertainty|global_adjustment|projection_search|byte_budget|map_mirror")
-string(APPEND turbomap_busy_tests "|adjustment_memory|duplicate_fusion|same_bits|extraction_opencv|keypoint_offset")
+string(APPEND turbomap_busy_tests "|adjustment_memory|duplicate_fusion|same_bits|extraction_opencv|keypoint_offset|uncertain_points")
 
 # turbomap_add_test(SOURCE LABEL LIBRARY...): the test that is named after SOURCE. Labelled 'host' or 'recorded'; 'device'
 # where SOURCE is a .cu file.
