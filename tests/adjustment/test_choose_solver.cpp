@@ -9,8 +9,6 @@
 #include <turbomap/adjustment/methods.hpp>
 #include <turbomap/context.hpp>
 
-#include <thrust/execution_policy.h>
-
 #include <cstdint>
 
 #include "support/policies.hpp"

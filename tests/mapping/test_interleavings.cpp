@@ -21,19 +21,6 @@
 #include "local_mapper_cases.hpp"
 #include "scenes/watched_map.hpp"
 
-namespace turbomap_test {
-
-/// The same map, of which the mapper works on a copy.
-struct watched_copied_map : watched_map<turbomap::binary_descriptor<256>> {};
-
-}  // namespace turbomap_test
-
-template <>
-struct turbomap::map_traits<turbomap_test::watched_copied_map>
-    : turbomap::map_traits<turbomap_test::watched_map<turbomap::binary_descriptor<256>>> {
-  static constexpr bool mirrored = true;
-};
-
 namespace {
 
 using namespace turbomap_test;
@@ -304,7 +291,7 @@ void check_all(telling tells) {
 }
 
 TEST_CASE("other threads edit the map before any guard that mapping takes") { check_all<watched>(telling::all); }
-TEST_CASE("the same of a mapper that works on a copy and is told") { check_all<watched_copied_map>(telling::all); }
-TEST_CASE("the same of one that is not told") { check_all<watched_copied_map>(telling::nothing); }
+TEST_CASE("the same of a mapper that works on a copy and is told") { check_all<mirrored_watched_map>(telling::all); }
+TEST_CASE("the same of one that is not told") { check_all<mirrored_watched_map>(telling::nothing); }
 
 }  // namespace

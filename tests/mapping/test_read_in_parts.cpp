@@ -18,21 +18,6 @@
 #include "local_mapper_cases.hpp"
 #include "scenes/watched_map.hpp"
 
-namespace turbomap_test {
-
-/// A watched map of which stages read a copy.
-struct mirrored_map : watched_map<turbomap::binary_descriptor<256>> {
-  using watched_map<turbomap::binary_descriptor<256>>::watched_map;
-};
-
-}  // namespace turbomap_test
-
-template <>
-struct turbomap::map_traits<turbomap_test::mirrored_map>
-    : turbomap::map_traits<turbomap_test::watched_map<turbomap::binary_descriptor<256>>> {
-  static constexpr bool mirrored = true;
-};
-
 namespace {
 
 using namespace turbomap_test;
@@ -109,7 +94,7 @@ outcome last_keyframe(const mapping_case<pinhole_camera>& c, const mapping_scene
   return o;
 }
 
-TEST_CASE_TEMPLATE("the same map, however long the parts are", Map, watched, mirrored_map) {
+TEST_CASE_TEMPLATE("the same map, however long the parts are", Map, watched, mirrored_watched_map) {
   const auto whole = parted_case(0);
   const mapping_scene<pinhole_camera> scene(whole.rig, whole.recipe);
   run_of<Map> expected(scene, whole.options);
@@ -151,12 +136,12 @@ TEST_CASE("the whole map is moved between any two parts") {
 TEST_CASE("the whole map is moved between any two parts of what reads a copy of it") {
   const auto c = parted_case(40);
   const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
-  const outcome undisturbed = last_keyframe<mirrored_map>(c, scene, -1);
+  const outcome undisturbed = last_keyframe<mirrored_watched_map>(c, scene, -1);
   CHECK(undisturbed.guards > 60);
   CHECK(undisturbed.worst_range < 1e-5);
   for (int g = 0; g < undisturbed.guards; ++g) {
     CAPTURE(g);
-    const outcome o = last_keyframe<mirrored_map>(c, scene, g);
+    const outcome o = last_keyframe<mirrored_watched_map>(c, scene, g);
     CHECK(o.worst_range < 1e-5);
     REQUIRE(o.centres.size() == undisturbed.centres.size());
     for (std::size_t k = 0; k < o.centres.size(); ++k) CHECK((o.centres[k] - undisturbed.centres[k]).norm() < 0.1);

@@ -77,6 +77,11 @@ struct watched_map : turbomap::simple_map<Descriptor, pinhole_camera> {
   mutable guard_watch watch;
 };
 
+/// The same map, of which the mapper works on a copy.
+struct mirrored_watched_map : watched_map<turbomap::binary_descriptor<256>> {
+  using watched_map<turbomap::binary_descriptor<256>>::watched_map;
+};
+
 }  // namespace turbomap_test
 
 template <class Descriptor>
@@ -123,4 +128,10 @@ struct turbomap::map_traits<turbomap_test::watched_map<Descriptor>>
     m.watch.used(), base::erase_observation(m, p, k, i);
   }
   static void retire(map& m, point p, point replacement) { m.watch.used(), base::retire(m, p, replacement); }
+};
+
+template <>
+struct turbomap::map_traits<turbomap_test::mirrored_watched_map>
+    : turbomap::map_traits<turbomap_test::watched_map<turbomap::binary_descriptor<256>>> {
+  static constexpr bool mirrored = true;
 };
