@@ -7,7 +7,7 @@
 
 #include "../config.hpp"
 #include "../error.hpp"
-#include "../math/functions.hpp"
+#include "../math/number_checks.hpp"
 #include "methods.hpp"
 #include "options.hpp"
 
@@ -20,14 +20,11 @@ template <class Methods>
 void require_options(const adjustment_options& o) {
   require(o.max_iterations >= 0, "options.max_iterations", o.max_iterations, "must not be negative");
   require(o.max_retries >= 0, "options.max_retries", o.max_retries, "must not be negative");
-  require(o.initial_lambda >= 0 && is_finite(o.initial_lambda), "options.initial_lambda", o.initial_lambda,
-          "must be finite and not negative");
-  require(o.initial_lambda_scale >= 0 && is_finite(o.initial_lambda_scale), "options.initial_lambda_scale",
-          o.initial_lambda_scale, "must be finite and not negative");
+  check_not_negative("options.initial_lambda", o.initial_lambda);
+  check_not_negative("options.initial_lambda_scale", o.initial_lambda_scale);
   require(o.min_relative_decrease >= 0, "options.min_relative_decrease", o.min_relative_decrease,
           "must not be negative");
-  require(o.min_predicted_decrease >= 0 && is_finite(o.min_predicted_decrease), "options.min_predicted_decrease",
-          o.min_predicted_decrease, "must be finite and not negative");
+  check_not_negative("options.min_predicted_decrease", o.min_predicted_decrease);
   require(o.time_budget_ms >= 0, "options.time_budget_ms", o.time_budget_ms, "must not be negative");
   require(o.slow_iterations > 0, "options.slow_iterations", o.slow_iterations, "must be positive");
   require(o.pcg_tolerance > 0, "options.pcg_tolerance", o.pcg_tolerance, "must be positive");

@@ -10,6 +10,7 @@
 
 #include "../config.hpp"
 #include "../error.hpp"
+#include "../math/number_checks.hpp"
 #include "../parallel.hpp"
 #include "../plain_vector.hpp"
 #include "../span.hpp"
@@ -159,9 +160,7 @@ inline void require_kernel(const tukey& kernel, const char* argument) {
   require(kernel.c2 > 0 && is_finite(kernel.c2), argument, kernel.c2, "c2 must be finite and positive");
 }
 /// Of rows that are not defined.
-inline void require_undefined_chi2(double chi2) {
-  require(chi2 >= 0 && is_finite(chi2), "undefined_chi2", chi2, "must be finite and not negative");
-}
+inline void require_undefined_chi2(double chi2) { check_not_negative("undefined_chi2", chi2); }
 
 }  // namespace detail
 

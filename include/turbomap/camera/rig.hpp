@@ -10,6 +10,7 @@
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../math/functions.hpp"
+#include "../math/number_checks.hpp"
 #include "../types.hpp"
 #include "camera_concept.hpp"
 #include "rig_camera.hpp"
@@ -66,7 +67,7 @@ void validate_rig(const rig_view<Camera>& rig) {
     const double n = std::sqrt(T.qx * T.qx + T.qy * T.qy + T.qz * T.qz + T.qw * T.qw), t = T.tx + T.ty + T.tz;
     require(detail::is_finite(n) && std::abs(n - 1) < 1e-3, "T_camera_body quaternion norm", n, "must be 1");
     require(detail::is_finite(t), "T_camera_body translation", t, "must be finite");
-    require(detail::is_finite(c.bf) && c.bf >= 0, "bf", c.bf, "must be finite and not negative");
+    check_not_negative("bf", static_cast<double>(c.bf));
   }
 }
 /// The same of a rig.

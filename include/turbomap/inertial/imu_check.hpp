@@ -10,11 +10,11 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <string>
 
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../math/functions.hpp"
+#include "../math/number_checks.hpp"
 #include "imu_samples.hpp"
 #include "preintegration_options.hpp"
 
@@ -25,50 +25,43 @@ namespace detail {
 /// s: so far apart samples may be that differences of times fit into 64 bits, in ns.
 inline constexpr double longest_gap = 1e9;
 
-inline void require_not_negative(const char* name, double value) {
-  require(value >= 0 && is_finite(value), name, value, "must be finite and not negative");
-}
-
 /// Throws std::invalid_argument where an option is out of range.
 inline void check_preintegration_options(const preintegration_options& o) {
-  require_not_negative("options.noise.gyro", o.noise.gyro);
-  require_not_negative("options.noise.acceleration", o.noise.acceleration);
-  require_not_negative("options.noise.gyro_walk", o.noise.gyro_walk);
-  require_not_negative("options.noise.acceleration_walk", o.noise.acceleration_walk);
-  require_not_negative("options.noise.rate", o.noise.rate);
+  check_not_negative("options.noise.gyro", o.noise.gyro);
+  check_not_negative("options.noise.acceleration", o.noise.acceleration);
+  check_not_negative("options.noise.gyro_walk", o.noise.gyro_walk);
+  check_not_negative("options.noise.acceleration_walk", o.noise.acceleration_walk);
+  check_not_negative("options.noise.rate", o.noise.rate);
   require(o.max_gap > 0 && o.max_gap <= longest_gap, "options.max_gap", o.max_gap,
           "must be positive and at most 1e9: times are in ns");
   require(o.max_extrapolation >= 0 && o.max_extrapolation <= longest_gap, "options.max_extrapolation",
           o.max_extrapolation, "must not be negative, and at most 1e9: times are in ns");
-  require_not_negative("options.gyro_range", o.gyro_range);
-  require_not_negative("options.acceleration_range", o.acceleration_range);
-  require_not_negative("options.max_gyro_bias_change", o.max_gyro_bias_change);
-  require_not_negative("options.max_acceleration_bias_change", o.max_acceleration_bias_change);
+  check_not_negative("options.gyro_range", o.gyro_range);
+  check_not_negative("options.acceleration_range", o.acceleration_range);
+  check_not_negative("options.max_gyro_bias_change", o.max_gyro_bias_change);
+  check_not_negative("options.max_acceleration_bias_change", o.max_acceleration_bias_change);
 }
 
 /// Throws std::invalid_argument where a vector is not finite, or reaches the full scale of its sensor (0: not known).
-inline void check_measurement(const std::string& name, const vec3<double>& v, double range) {
+inline void check_measurement(const argument_name& sample, const char* member, const vec3<double>& v, double range) {
   const double elements[3] = {v.x, v.y, v.z};
   const char* const axes[3] = {".x", ".y", ".z"};
   for (int i = 0; i < 3; ++i) {
-    if (!is_finite(elements[i])) reject(name + axes[i], elements[i], "must be finite");
+    const auto name = [&] { return (sample + member).append(axes[i]); };
+    if (!is_finite(elements[i])) reject(name(), elements[i], "must be finite");
     if (range > 0 && std::abs(elements[i]) >= range)
-      reject(name + axes[i], elements[i], "is at the end of the sensor's range: saturated");
+      reject(name(), elements[i], "is at the end of the sensor's range: saturated");
   }
 }
 
 /// Throws std::invalid_argument where one sample cannot be.
-inline void check_sample(const std::string& name, const imu_sample& s, const preintegration_options& o) {
-  check_measurement(name + ".gyro", s.gyro, o.gyro_range);
-  check_measurement(name + ".acceleration", s.acceleration, o.acceleration_range);
-}
-
-inline std::string element_name(const char* array, std::size_t i) {
-  return std::string(array).append("[").append(printed(i)).append("]");
+inline void check_sample(const argument_name& name, const imu_sample& s, const preintegration_options& o) {
+  check_measurement(name, ".gyro", s.gyro, o.gyro_range);
+  check_measurement(name, ".acceleration", s.acceleration, o.acceleration_range);
 }
 
 template <class S>
-void check_bias(const std::string& name, const imu_bias<S>& b) {
+void check_bias(const argument_name& name, const imu_bias<S>& b) {
   const auto sum = [](const vec3<S>& v) { return static_cast<double>(v.x + v.y + v.z); };
   if (!is_finite(sum(b.gyro))) reject(name + ".gyro", sum(b.gyro), "must be finite");
   if (!is_finite(sum(b.acceleration))) reject(name + ".acceleration", sum(b.acceleration), "must be finite");
@@ -76,7 +69,7 @@ void check_bias(const std::string& name, const imu_bias<S>& b) {
 
 /// Throws std::invalid_argument where an interval cannot be integrated: its samples are not there, do not increase in
 /// time, leave a gap, do not reach its ends, are not finite or saturated. O(samples of the interval).
-inline void check_interval(const std::string& name, const imu_samples& samples, const imu_interval& in,
+inline void check_interval(const argument_name& name, const imu_samples& samples, const imu_interval& in,
                            const preintegration_options& o) {
   require(samples.sample.size() == samples.t_ns.size(), "samples.sample.size()", samples.sample.size(),
           "must be that of t_ns");
@@ -86,12 +79,12 @@ inline void check_interval(const std::string& name, const imu_samples& samples, 
   if (!(static_cast<std::size_t>(in.last) < samples.t_ns.size())) reject(name + ".last", in.last, "is no sample");
   const auto first = static_cast<std::size_t>(in.first), last = static_cast<std::size_t>(in.last);
   for (std::size_t i = first; i <= last; ++i) {
-    check_sample(element_name("samples.sample", i), samples.sample[i], o);
+    check_sample({"samples.sample", i}, samples.sample[i], o);
     if (i == first) continue;
     const std::int64_t before = samples.t_ns[i - 1], t = samples.t_ns[i];
-    if (!(t > before)) reject(element_name("samples.t_ns", i), t, "must be after the sample before");
+    if (!(t > before)) reject(argument_name("samples.t_ns", i).text(), t, "must be after the sample before");
     if (!(plain_detail::seconds_between(before, t) <= o.max_gap))
-      reject(element_name("samples.t_ns", i), t, "comes more than options.max_gap after the sample before");
+      reject(argument_name("samples.t_ns", i).text(), t, "comes more than options.max_gap after the sample before");
   }
   if (!(samples.t_ns[first + 1] > in.begin_ns))
     reject(name + ".first", in.first, "is not the last sample before begin_ns");

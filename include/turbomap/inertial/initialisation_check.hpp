@@ -10,6 +10,7 @@
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../math/functions.hpp"
+#include "../math/number_checks.hpp"
 #include "imu_check.hpp"
 #include "initialisation_options.hpp"
 #include "preintegration.hpp"
@@ -21,28 +22,25 @@ constexpr int weighing_rounds = 8;  ///< steps of initialise_inertial() in which
 
 inline void check_initialisation_options(const initialisation_options& o) {
   require(o.min_keyframes >= 5, "options.min_keyframes", o.min_keyframes, "must be 5 at least");
-  require_not_negative("options.min_seconds", o.min_seconds);
+  check_not_negative("options.min_seconds", o.min_seconds);
   require(o.max_iterations > weighing_rounds, "options.max_iterations", o.max_iterations,
           "must be above 8, the steps in which the weights settle: it cannot converge before");
-  const auto positive = [](const char* name, double value) {
-    require(value > 0 && is_finite(value), name, value, "must be finite and positive");
-  };
-  positive("options.gravity", o.gravity);
-  positive("options.gyro_bias_sigma", o.gyro_bias_sigma);
-  positive("options.acceleration_bias_sigma", o.acceleration_bias_sigma);
-  require_not_negative("options.rotation_sigma", o.rotation_sigma);
-  require_not_negative("options.position_sigma", o.position_sigma);
-  require_not_negative("options.max_scale_sigma", o.max_scale_sigma);
-  require_not_negative("options.max_gravity_sigma", o.max_gravity_sigma);
+  check_positive("options.gravity", o.gravity);
+  check_positive("options.gyro_bias_sigma", o.gyro_bias_sigma);
+  check_positive("options.acceleration_bias_sigma", o.acceleration_bias_sigma);
+  check_not_negative("options.rotation_sigma", o.rotation_sigma);
+  check_not_negative("options.position_sigma", o.position_sigma);
+  check_not_negative("options.max_scale_sigma", o.max_scale_sigma);
+  check_not_negative("options.max_gravity_sigma", o.max_gravity_sigma);
   check_bias("options.bias", o.bias);
 }
 
 inline void check_motion(std::size_t i, const preintegration<double>& p) {
-  const auto name = [i](const char* member) { return element_name("motion", i).append(".").append(member); };
-  if (!(p.dt >= 0 && is_finite(p.dt))) reject(name("dt"), p.dt, "must be finite and not negative");
-  check_bias(name("bias"), p.bias);
+  const argument_name motion("motion", i);
+  if (!(p.dt >= 0 && is_finite(p.dt))) reject(motion + ".dt", p.dt, "must be finite and not negative");
+  check_bias((motion + ".bias").c_str(), p.bias);
   const double sum = sum_of_elements(p);
-  if (!is_finite(sum)) reject(element_name("motion", i), sum, "must hold finite numbers");
+  if (!is_finite(sum)) reject(motion.text(), sum, "must hold finite numbers");
 }
 
 }  // namespace detail

@@ -15,6 +15,7 @@
 
 #include "../config.hpp"
 #include "../error.hpp"
+#include "../math/number_checks.hpp"
 #include "../math/rotation.hpp"
 #include "../span.hpp"
 #include "initialisation_check.hpp"
@@ -41,7 +42,7 @@ inline initialisation initialise_inertial(span<const rigid_transform<double>> T_
   if (!is_pose(to_rigid_transform(T_bc))) reject("T_bc", norm(T_bc.t), "must be a pose");
   initialisation found;
   for (std::size_t i = 0; i < T_cw.size(); ++i)
-    if (!is_pose(T_cw[i])) reject(detail::element_name("T_cw", i), T_cw[i].tx, "must be a pose");
+    if (!is_pose(T_cw[i])) reject(argument_name("T_cw", i).text(), T_cw[i].tx, "must be a pose");
   for (std::size_t i = 0; i < motion.size(); ++i) {
     detail::check_motion(i, motion[i]);
     found.seconds += motion[i].dt;

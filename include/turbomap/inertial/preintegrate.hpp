@@ -13,6 +13,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
+#include "../math/number_checks.hpp"
 #include "../parallel.hpp"
 #include "../span.hpp"
 #include "imu_check.hpp"
@@ -105,8 +106,8 @@ void preintegrate(context<Policy>& ctx, const imu_samples& samples, span<const i
   detail::check_preintegration_options(options);
   require(biases.size() == intervals.size(), "biases.size()", biases.size(), "must be that of intervals");
   for (std::size_t i = 0; i < intervals.size(); ++i) {
-    detail::check_interval(detail::element_name("intervals", i), samples, intervals[i], options);
-    detail::check_bias(detail::element_name("biases", i), biases[i]);
+    detail::check_interval({"intervals", i}, samples, intervals[i], options);
+    detail::check_bias({"biases", i}, biases[i]);
   }
   packed_inputs inputs;
   const auto times = inputs.place<std::int64_t>(samples.t_ns.size());

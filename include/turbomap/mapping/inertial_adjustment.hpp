@@ -18,6 +18,7 @@
 #include "../inertial/inertial_factors.hpp"
 #include "../inertial/inertial_frame.hpp"
 #include "../map/inertial_traits.hpp"
+#include "../math/number_checks.hpp"
 #include "../plain_vector.hpp"
 #include "adjustment_commit.hpp"
 #include "inertial_adjustment_options.hpp"
@@ -33,8 +34,7 @@ inline void check(const inertial_adjustment_options& o) {
   for (const inertial_window_options* w : {&o.window, &o.large}) {
     require(w->keyframes >= 1, "options.keyframes", w->keyframes, "must be positive");
     require(w->iterations >= 1, "options.iterations", w->iterations, "must be positive");
-    require(w->initial_lambda >= 0 && detail::is_finite(w->initial_lambda), "options.initial_lambda", w->initial_lambda,
-            "must be finite and not negative");
+    check_not_negative("options.initial_lambda", w->initial_lambda);
     check_positive("options.robust_chi2", w->robust_chi2);
   }
   require(o.most_observers >= 0, "options.most_observers", o.most_observers, "must not be negative");

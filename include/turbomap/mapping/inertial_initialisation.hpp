@@ -15,6 +15,7 @@
 #include "../inertial/initialise.hpp"
 #include "../map/inertial_traits.hpp"
 #include "../map/map_traits.hpp"
+#include "../math/number_checks.hpp"
 #include "../math/rotation.hpp"
 #include "../plain_vector.hpp"
 
@@ -53,7 +54,7 @@ class inertial_initialisation {
     detail::check_initialisation_options(options);
     require(options.most_seconds >= options.min_seconds, "options.most_seconds", options.most_seconds,
             "must not be below min_seconds");
-    detail::require_not_negative("options.max_time_error", options.max_time_error);
+    check_not_negative("options.max_time_error", options.max_time_error);
     found_ = estimate(map, current, options);
     if constexpr (detail::inertial_has_v<Map, detail::inertial_bias_member>) {
       constexpr int most = 3;  // each time at a better bias: the change of the second is seldom worth a third

@@ -14,6 +14,7 @@
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../math/functions.hpp"
+#include "../math/number_checks.hpp"
 #include "keyframe_store_options.hpp"
 #include "keyframe_view.hpp"
 
@@ -28,8 +29,7 @@ inline void validate(const keyframe_packing_options& options) {
   require((options.grid_columns == 0) == (options.grid_rows == 0), "grid_rows", options.grid_rows,
           "a grid has columns and rows, or neither");
   require(options.pyramid.levels >= 1, "pyramid.levels", options.pyramid.levels, "must be at least 1");
-  require(detail::is_finite(options.pyramid.scale_factor) && options.pyramid.scale_factor >= 1, "pyramid.scale_factor",
-          options.pyramid.scale_factor, "must be finite and at least 1");
+  check_factor("pyramid.scale_factor", static_cast<double>(options.pyramid.scale_factor));
 }
 
 /// Throws std::invalid_argument naming the option when one makes no sense.
