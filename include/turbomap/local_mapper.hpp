@@ -71,8 +71,6 @@ class local_mapper {
         adjustment_(ctx),
         due_(ctx) {
     static_assert(require_map_traits<Map>());
-    static_assert(!inertial || !is_mirrored_v<Map>,
-                  "turbomap: a map that is mirrored cannot be adjusted with its IMU yet; see docs/inertial.md");
     check(options);
   }
 
@@ -252,6 +250,7 @@ class local_mapper {
   using stage_traits = map_traits<stage_map>;
   using stage_keyframe = typename stage_traits::keyframe;
   using stage_point = typename stage_traits::point;
+  using stage_adjustment = typename detail::adjustment_on<Adjustment, stage_map>::type;
   using stage_function = void (local_mapper::*)(stage_keyframe, const scope&);
   static constexpr bool adjusts = !std::is_same_v<Adjustment, no_adjustment>;
   static constexpr bool inertial = detail::is_inertial<Adjustment>::value;
@@ -430,7 +429,7 @@ class local_mapper {
     keyframe_culling_options options = options_.keyframe_culling;
     if constexpr (inertial) {
       const auto guard = s.guard();
-      options.inertial_initialised = Adjustment::is_initialised(s.map);
+      options.inertial_initialised = stage_adjustment::is_initialised(s.map);
     }
     for (const stage_keyframe& k :
          culling_.snapshot(s, current, options_.neighbours.neighbourhood, options.most_candidates)) {
@@ -446,7 +445,7 @@ class local_mapper {
             s, current, k, options,
             [this](const stage_keyframe& redundant) {
               if (hooks_.erasing) hooks_.erasing(working_.name(redundant));
-              if constexpr (inertial) Adjustment::erasing(working_.get(), redundant);
+              if constexpr (inertial) stage_adjustment::erasing(working_.get(), redundant);
             },
             [this](std::uint64_t id) {
               report_.keyframes_culled.push_back(id);
@@ -508,7 +507,7 @@ class local_mapper {
   neighbour_search<stage_map, Policy> search_;
   map_point_creation<stage_map, Policy> creation_;
   neighbourhood_fusion<stage_map, Policy> fusion_;
-  typename detail::adjustment_on<Adjustment, stage_map>::type adjustment_;
+  stage_adjustment adjustment_;
   keyframe_culling<stage_map, Policy> culling_;
   due_appearances<stage_map, Policy> due_;
 

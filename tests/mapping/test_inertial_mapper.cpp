@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 // Local mapping in inertial mode: the IMU takes part in adjustment, culling leaves no gap and merges motions, deadline and stop
-// hold.
+// hold; on a map itself and on a mirror of it.
 
 #include <doctest/doctest.h>
 
@@ -27,8 +27,24 @@ using turbomap::isometry;
 using turbomap::preintegration;
 using turbomap::vec3;
 using inertial_map = turbomap::simple_inertial_map<turbomap::binary_descriptor<256>, pinhole_camera>;
-template <class Policy>
-using inertial_mapping = mapping_run<inertial_map, Policy, turbomap::inertial_adjustment<inertial_map, Policy>>;
+/// The same map, of which the mapper works on a copy.
+struct mirrored_inertial_map : inertial_map {
+  using inertial_map::inertial_map;
+};
+template <class Map, class Policy>
+using inertial_mapping = mapping_run<Map, Policy, turbomap::inertial_adjustment<Map, Policy>>;
+
+}  // namespace
+
+template <>
+struct turbomap::map_traits<mirrored_inertial_map> : turbomap::map_traits<inertial_map> {
+  static constexpr bool mirrored = true;
+};
+template <>
+struct turbomap::inertial_traits<mirrored_inertial_map> : turbomap::inertial_traits<inertial_map> {};
+
+namespace {
+
 constexpr double step_s = 0.2;  // of a mapping_run
 
 /// What an IMU without errors measures on the way of a scene, which it follows in steps of constant acceleration.
@@ -66,8 +82,8 @@ turbomap::local_mapper_options options_of(const mapping_recipe& recipe) {
 }
 
 /// The next keyframe, with what its IMU measured since the one before.
-template <class Policy>
-turbomap::map_keyframe_id track(inertial_mapping<Policy>& run, const true_motion& motion) {
+template <class Run>
+turbomap::map_keyframe_id track(Run& run, const true_motion& motion) {
   const auto k = run.track();
   const int n = static_cast<int>(run.keyframes().size()) - 1;
   run.map.set_velocity(k, motion.velocity(n));
@@ -75,13 +91,14 @@ turbomap::map_keyframe_id track(inertial_mapping<Policy>& run, const true_motion
   return k;
 }
 
-TEST_CASE_TEMPLATE("keyframes are culled, and the chain of motions stays whole", Policy, TURBOMAP_TEST_TWO_POLICIES) {
+template <class Map, class Policy>
+void check_chain() {
   mapping_recipe recipe;
   recipe.pixel_noise = 0.4;
   const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
   const true_motion motion{scene};
   const auto options = options_of(recipe);
-  inertial_mapping<Policy> run(scene, options);
+  inertial_mapping<Map, Policy> run(scene, options);
   run.map.set_gravity(motion.gravity);
   std::size_t culled = 0, merged = 0;
   for (int n = 0; n < 30; ++n) {
@@ -116,6 +133,74 @@ TEST_CASE_TEMPLATE("keyframes are culled, and the chain of motions stays whole",
   CHECK(culled > 4);
   CHECK(merged > 20);
 }
+TEST_CASE_TEMPLATE("keyframes are culled, and the chain of motions stays whole", Policy, TURBOMAP_TEST_TWO_POLICIES) {
+  check_chain<inertial_map, Policy>();
+}
+TEST_CASE("the same where the mapper works on a mirror") { check_chain<mirrored_inertial_map, sequential>(); }
+
+/// Poses, velocities, biases and motions of keyframes, positions of points, one after the other.
+std::vector<double> numbers_of(const inertial_map& map) {
+  std::vector<double> all;
+  const auto add = [&](const vec3<double>& v) { all.insert(all.end(), {v.x, v.y, v.z}); };
+  using traits = turbomap::map_traits<inertial_map>;
+  traits::for_each_keyframe(map, [&](turbomap::map_keyframe_id k) {
+    const auto& T = map.T_cw(k);
+    all.insert(all.end(), {T.qx, T.qy, T.qz, T.qw, T.tx, T.ty, T.tz});
+    add(map.velocity(k)), add(map.bias(k).gyro), add(map.bias(k).acceleration);
+    if (const auto* p = map.motion(k)) all.push_back(p->dt), add(p->dP), add(p->dV);
+  });
+  traits::for_each_point(map, [&](turbomap::map_point_id p) { add(traits::position(map, p)); });
+  return all;
+}
+
+TEST_CASE("a mirrored map with an IMU is left as the map itself would be, to the last bit") {
+  mapping_recipe recipe;
+  recipe.pixel_noise = 0.4;
+  const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
+  const true_motion motion{scene};
+  inertial_mapping<inertial_map, sequential> run(scene, options_of(recipe));
+  inertial_mapping<mirrored_inertial_map, sequential> mirrored(scene, options_of(recipe));
+  std::size_t culled = 0, adjusted = 0;
+  const auto step = [&](auto& which, int n) {
+    which.map.set_gravity(motion.gravity);
+    const auto k = track(which, motion);
+    which.map.set_initialised(n >= 5), which.map.set_refined(n >= 15);
+    const auto& report = which.mapper.process(k);
+    CHECK(report.refused.empty());
+    CHECK(report.healed == 0);
+    culled += report.keyframes_culled.size();
+    adjusted += report.adjustment.inertial && report.adjustment.solve.accepted > 0 ? 1 : 0;
+    which.note();
+  };
+  for (int n = 0; n < 24; ++n) {
+    CAPTURE(n);
+    step(run, n), step(mirrored, n);
+    REQUIRE(numbers_of(run.map) == numbers_of(mirrored.map));
+  }
+  CHECK(culled > 4);
+  CHECK(adjusted > 30);
+}
+
+TEST_CASE("what tracking changed of a mirrored keyframe, unreported, is read with its velocity") {
+  mapping_recipe recipe;
+  const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
+  const true_motion motion{scene};
+  inertial_mapping<mirrored_inertial_map, sequential> run(scene, options_of(recipe));
+  run.map.set_gravity(motion.gravity), run.map.set_initialised(true);
+  run.mapper.options().checked_share = 0;
+  for (int n = 0; n < 8; ++n) run.mapper.process(track(run, motion));
+  const auto k = track(run, motion);
+  const auto before = run.keyframes()[run.keyframes().size() - 3];  // not the one that the sample check comes to
+  auto T = run.map.T_cw(before);
+  T.tx += 1e-3;
+  run.map.set_pose(before, T);
+  run.map.set_velocity(before, motion.velocity(6) + vec3<double>{1e-3, 0, 0});
+  for (const auto stage : {turbomap::mapping_stage::search, turbomap::mapping_stage::fusion})  // they read poses, too
+    run.mapper.options().enabled[stage] = false;
+  const auto& report = run.mapper.process(k);
+  CHECK(!report.adjustment.stale);
+  CHECK(report.adjustment.solve.accepted > 0);
+}
 
 TEST_CASE("stop and deadline leave the inertial stage out") {
   mapping_recipe recipe;
@@ -124,7 +209,7 @@ TEST_CASE("stop and deadline leave the inertial stage out") {
   bool stop = false;
   turbomap::local_mapper_hooks<inertial_map> hooks;
   hooks.stop = [&] { return stop; };
-  inertial_mapping<sequential> run(scene, options_of(recipe), hooks);
+  inertial_mapping<inertial_map, sequential> run(scene, options_of(recipe), hooks);
   run.map.set_gravity(motion.gravity), run.map.set_initialised(true);
   for (int n = 0; n < 6; ++n) run.mapper.process(track(run, motion));
   const auto adjusting = turbomap::mapping_stage::adjustment;
@@ -143,7 +228,7 @@ TEST_CASE("a motion that cannot be used is reported, and mapping goes on; strict
   mapping_recipe recipe;
   const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
   const true_motion motion{scene};
-  inertial_mapping<sequential> run(scene, options_of(recipe));
+  inertial_mapping<inertial_map, sequential> run(scene, options_of(recipe));
   run.map.set_gravity(motion.gravity), run.map.set_initialised(true);
   for (int n = 0; n < 6; ++n) run.mapper.process(track(run, motion));
   const auto k = track(run, motion);

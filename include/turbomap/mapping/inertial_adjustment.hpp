@@ -24,6 +24,7 @@
 #include "inertial_adjustment_options.hpp"
 #include "inertial_window.hpp"
 #include "local_adjustment.hpp"
+#include "mirror_inertial_traits.hpp"
 #include "stage.hpp"
 #include "window_measurements.hpp"
 

@@ -17,6 +17,7 @@
 #include "../plain_vector.hpp"
 #include "adjustment_window.hpp"
 #include "inertial_adjustment_options.hpp"
+#include "look_again.hpp"
 #include "stage.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -120,7 +121,9 @@ class inertial_window : public adjustment_window<Map> {
   template <class Policy>
   void follow(const mapping_scope<Map, Policy>& s, keyframe current, std::size_t wanted) {
     keyframe k = current;
-    while (chain_ <= wanted && !(k == keyframe{}) && s.can_use(k)) {
+    while (chain_ <= wanted && !(k == keyframe{})) {
+      look_again(s.map, k);  // its pose is of the same moment as its velocity
+      if (!s.can_use(k)) break;
       const bool fixed = chain_ == wanted;
       if (this->add_frame(s.map, s.stored, k, fixed, s.faults) != chain_)
         break;  // met before: the times run in a circle

@@ -44,9 +44,9 @@ struct adjustment_on<no_adjustment, Map> {
     explicit type(const Context&) {}
   };
 };
-template <class User, class Policy, class Methods, class Map>
-struct adjustment_on<local_adjustment<User, Policy, Methods>, Map> {
-  using type = local_adjustment<Map, Policy, Methods>;
+template <template <class, class, class> class Adjustment, class User, class Policy, class Methods, class Map>
+struct adjustment_on<Adjustment<User, Policy, Methods>, Map> {
+  using type = Adjustment<Map, Policy, Methods>;
 };
 
 /// The adjustment of all of the map, with the same solvers.
