@@ -6,6 +6,7 @@
 /// parallel.hpp under a CUDA policy: stream-ordered, nothing waits unless it says so.
 
 #include <cstddef>
+#include <vector>
 
 #include "memory.cuh"
 #include "tuning.hpp"
@@ -31,14 +32,31 @@ struct same_type {
 #if CUDART_VERSION >= 11080
 namespace detail {
 
+/// Whether what runs of a kernel on the current device was compiled for compute capability 9.0 or later. Each thread asks once
+/// per kernel and device: the run-time takes about as long to tell as to launch.
+inline bool is_compiled_for_90(const void* kernel, const char* what) {
+  struct answer {
+    const void* kernel;
+    int device;
+    bool yes;
+  };
+  thread_local std::vector<answer> known;
+  int device = 0;
+  check_cuda(cudaGetDevice(&device), "current device");
+  for (const answer& a : known)
+    if (a.kernel == kernel && a.device == device) return a.yes;
+  cudaFuncAttributes compiled{};
+  check_cuda(cudaFuncGetAttributes(&compiled, kernel), what);
+  known.push_back({kernel, device, compiled.ptxVersion >= 90});  // that of __CUDA_ARCH__
+  return known.back().yes;
+}
+
 /// Launches with an attribute of devices of compute capability 9.0 and later. False: the kernel was compiled for others, and
 /// nothing was launched.
 template <class... Parameters>
 bool launch_with_attribute(cudaStream_t stream, const char* what, std::size_t shared, void (*kernel)(Parameters...),
                            int blocks, int threads, const cudaLaunchAttribute& given, void** arguments) {
-  cudaFuncAttributes compiled{};
-  check_cuda(cudaFuncGetAttributes(&compiled, reinterpret_cast<const void*>(kernel)), what);
-  if (compiled.ptxVersion < 90) return false;  // that of __CUDA_ARCH__
+  if (!is_compiled_for_90(reinterpret_cast<const void*>(kernel), what)) return false;
   cudaLaunchAttribute attribute = given;
   cudaLaunchConfig_t config{};
   config.gridDim = dim3(static_cast<unsigned>(blocks));
