@@ -61,6 +61,16 @@ class block_sender {
   std::size_t begin_ = 0, end_ = 0;
 };
 
+/// A group of factors of frames that goes up in the block.
+template <class Kept, class Slots, class Group>
+struct sent_group {
+  Kept& kept;
+  Slots slots;
+  const Group& given;
+};
+template <class Kept, class Slots, class Group>
+sent_group(Kept&, Slots, const Group&) -> sent_group<Kept, Slots, Group>;
+
 }  // namespace detail
 
 /// What assign_resident() did.
@@ -117,6 +127,12 @@ resident_assignment assign_resident(context<Policy>& ctx, Data& data, structure_
   const auto cameras = inputs.place<camera>(static_cast<std::size_t>(group.rig.count));
   const auto states = inputs.place<state>(n);
   const auto positions = inputs.place<vec3<double>>(m);
+  // Each of the other groups, its places in the block and what was given for it.
+  const auto of_rest = std::apply(
+      [&](auto&, auto&... others) {
+        return std::tuple{detail::sent_group{others, others.reserve(inputs, rest), rest}...};  // braces: in their order
+      },
+      data.groups);
   const bool measured_there = group.resident_pixel != nullptr && group.resident_information != nullptr;
   const auto information = inputs.place<double>(measured_there ? 0 : rows);
   const auto pixel = inputs.place<vec3<double>>(measured_there ? 0 : rows);
@@ -155,6 +171,7 @@ resident_assignment assign_resident(context<Policy>& ctx, Data& data, structure_
                                        s.landmarks,
                                        data.estimate.current(),
                                        report};
+  std::apply([&](const auto&... g) { (g.kept.put(block, g.slots, g.given), ...); }, of_rest);
   const double* const sent = block.put(information, group.information.data());
   block.send();
   launch_place_estimate(policy, estimate);
@@ -171,7 +188,7 @@ resident_assignment assign_resident(context<Policy>& ctx, Data& data, structure_
   kept.made(prepared, told.sizes.chunks);
   group_place place;
   place.landmark_group = 1, place.first_chunk = place.first_cost = s.partials;
-  std::apply([&](auto&, auto&... others) { (others.assign(policy, rest, s, place), ...); }, data.groups);
+  std::apply([&](const auto&... g) { (g.kept.enter(g.given, place), ...); }, of_rest);
   return {true, told.not_finite == 0};
 }
 

@@ -11,6 +11,7 @@
 
 #include "../config.hpp"
 #include "../error.hpp"
+#include "../packed_inputs.hpp"
 #include "factors.hpp"
 #include "linearise_frame_factors.hpp"
 #include "linearise_landmark_factors.hpp"
@@ -149,13 +150,33 @@ class resident_frame_group {
 
   template <class Policy>
   void assign(const Policy& policy, const Group& g, const adjustment_structure&, group_place& place) {
-    const auto [first, second] = frames_of(g);
-    first_.host().assign(first.begin(), first.end());
-    second_.host().assign(second.begin(), second.end());
-    rows_.host().assign(g.rows.begin(), g.rows.end());
+    keep(g);
     first_.send(policy), second_.send(policy), rows_.send(policy);
-    const int n = static_cast<int>(first.size());
-    size_ = first.size();
+    enter(g, place);
+  }
+
+  /// Places in a block that is sent at once.
+  struct slots {
+    input_slot<std::int32_t> first, second;
+    input_slot<typename factor::row> rows;
+  };
+  /// Reserves them.
+  static slots reserve(packed_inputs& inputs, const Group& g) {
+    const auto [first, second] = frames_of(g);
+    const auto of_first = inputs.place<std::int32_t>(first.size()),
+               of_second = inputs.place<std::int32_t>(second.size());
+    return {of_first, of_second, inputs.place<typename factor::row>(g.rows.size())};
+  }
+  /// assign() by such a block, of which enter() is the second half. \param block  a block_sender
+  template <class Block>
+  void put(Block& block, const slots& s, const Group& g) {
+    keep(g);
+    first_.adopt(block.put(s.first, first_.host().data()));
+    second_.adopt(block.put(s.second, second_.host().data()));
+    rows_.adopt(block.put(s.rows, rows_.host().data()));
+  }
+  void enter(const Group& g, group_place& place) {
+    const int n = static_cast<int>(size_);
     view_.emplace(frame_factor_view<factor, kernel>{first_.data(), second_.data(), rows_.data(), g.factor, g.kernel,
                                                     g.undefined_chi2, place, n});
     place.first_cost += n;
@@ -205,6 +226,15 @@ class resident_frame_group {
       return {g.first, g.second};
     else
       return {g.frame, {}};
+  }
+
+  /// On the host: list_rows() reads it.
+  void keep(const Group& g) {
+    const auto [first, second] = frames_of(g);
+    first_.host().assign(first.begin(), first.end());
+    second_.host().assign(second.begin(), second.end());
+    rows_.host().assign(g.rows.begin(), g.rows.end());
+    size_ = first.size();
   }
 
   uploaded<std::int32_t, Memory> first_, second_;
