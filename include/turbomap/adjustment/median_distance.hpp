@@ -6,6 +6,7 @@
 /// How far landmarks typically are from the frames that see them. Wide-angle cameras of a problem are prepared for this distance
 /// (resident_reprojections.hpp).
 
+#include <algorithm>
 #include <cstddef>
 
 #include "../config.hpp"
@@ -32,13 +33,13 @@ TURBOMAP_ONE_BODY double median_distance(span<const landmark_group_input> groups
       const vec3<double> p = to_isometry<double>(T) * landmarks.positions[static_cast<std::size_t>(g.landmark[at])];
       const double distance = norm(p);
       if (!detail::is_finite(distance)) continue;
-      std::size_t i = count++;  // sorted as they come
-      for (; i > 0 && distances[i - 1] > distance; --i) distances[i] = distances[i - 1];
-      distances[i] = distance;
+      distances[count++] = distance;
     }
     at -= g.frame.size();
   }
-  return count == 0 ? 0 : distances[count / 2];
+  if (count == 0) return 0;
+  std::nth_element(distances, distances + count / 2, distances + count);
+  return distances[count / 2];
 }
 
 TURBOMAP_END_NAMESPACE

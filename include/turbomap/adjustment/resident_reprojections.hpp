@@ -54,7 +54,9 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
     detail::require_undefined_chi2(g.undefined_chi2);
     require(g.nearest >= 0 && g.nearest < 1, "nearest", g.nearest, "must be in [0, 1)");
     require(g.rig.count <= 127, "rig.count", g.rig.count, "must be below 128");
-    for (const auto c : g.camera) require(c < g.rig.count, "camera", static_cast<int>(c), "is not in the rig");
+    std::uint8_t last = 0;  // of the cameras that are named: no branches in the loop
+    for (const std::uint8_t c : g.camera) last = c > last ? c : last;
+    require(g.camera.empty() || last < g.rig.count, "camera", static_cast<int>(last), "is not in the rig");
     bool all_have_right = true;
     for (int c = 0; c < g.rig.count; ++c) all_have_right = all_have_right && g.rig[c].bf > 0;
     for (std::size_t i = 0; !all_have_right && i < g.stereo.size(); ++i)
