@@ -246,7 +246,7 @@ int main(int argc, char** argv) try {
   a.objects = map == "objects";
   a.balanced = preset == "balanced", a.accurate = preset == "accurate";
   if ((a.balanced || a.accurate) && global.empty()) global = "end";
-  if (a.accurate && rounds->count() == 0) a.global_rounds = 3;
+  if ((a.balanced || a.accurate) && rounds->count() == 0) a.global_rounds = 3;
   a.global_end = global == "end";
   if (!global.empty() && !a.global_end) a.global_every = std::stoi(global);
   const bool cuda = a.policy == "cuda" || std::count(a.beside.begin(), a.beside.end(), "cuda") != 0;

@@ -97,3 +97,15 @@ awk -F '[:,]' '
     print "demo.sh: --preset accurate: error parts " parts > "/dev/stderr"
     exit 1
   }' "$json"
+
+# The other preset ends with rounds of fusion and adjustment, too. One policy says it for all: they give one map.
+if [ "$3" = seq ]; then
+  digest() {
+    "$@" --no-bound --preset balanced --json "$json" >/dev/null && sed -n 's/^ *"map_digest": "\(.*\)",*$/\1/p' "$json"
+  }
+  without=$(digest "$1" "$2" --global-rounds 0) three=$(digest "$1" "$2" --global-rounds 3) preset=$(digest "$1" "$2")
+  if [ -z "$preset" ] || [ "$preset" != "$three" ] || [ "$preset" = "$without" ]; then
+    echo "demo.sh: --preset balanced: the map is $preset, with three rounds $three, with none $without" >&2
+    exit 1
+  fi
+fi

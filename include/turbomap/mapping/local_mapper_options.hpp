@@ -89,7 +89,8 @@ struct local_mapper_options {
   /// `local_mapper_options::stereo(...).balanced()`. It keeps true observations that the defaults lose: gates let 99.9 % of
   /// them pass instead of 95 %, octaves may be one off, and a keyframe is redundant when more than 8 others see its points. The
   /// map keeps covariances of its points, for tracking. For few wrong associations and pixel errors of at most 1 px at octave 0.
-  /// Meant to end with adjust_globally(). What each part gains and costs: docs/evaluation.md. Ours.
+  /// Meant to end with adjust_globally() and rounds of fuse_around(), which find the links that drift hid. What each part gains and
+  /// costs: docs/evaluation.md. Ours.
   local_mapper_options balanced() const {
     constexpr double mono_chi2 = 13.816, stereo_chi2 = 16.266;  // 99.9 %, 2 and 3 dof
     local_mapper_options o = *this;
