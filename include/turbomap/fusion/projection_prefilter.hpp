@@ -115,12 +115,6 @@ class projection_prefilter {
     }
     const vec3<double> X_c{R_.m[0] * X.x + R_.m[1] * X.y + R_.m[2] * X.z + t_.x,
                            R_.m[3] * X.x + R_.m[4] * X.y + R_.m[5] * X.z + t_.y, z};
-    return may_match(point, X_c, distance);
-  }
-
- private:
-  TURBOMAP_HD bool may_match(int point, const vec3<double>& X_c, double distance) const {
-    const projection_options& options = search_.options;
     vec2<double> p;
     if (!camera_.camera.project(X_c, p)) return true;
     const double m = detail::loose_pixels;
@@ -128,6 +122,16 @@ class projection_prefilter {
     if (p.x < static_cast<double>(b.min_x) - m || p.x > static_cast<double>(b.max_x) + m ||
         p.y < static_cast<double>(b.min_y) - m || p.y > static_cast<double>(b.max_y) + m)
       return false;
+    return may_match_at(point, p, z, distance);
+  }
+
+  /// The rest of the question, of a point in the image that may be in range: whether a keypoint around `p` could be its match.
+  /// \param p         its projection, px, to loose_pixels
+  /// \param z         its depth, m
+  /// \param distance  to the camera, m, to `loose` relative
+  TURBOMAP_HD bool may_match_at(int point, const vec2<double>& p, double z, double distance) const {
+    const projection_options& options = search_.options;
+    const double m = detail::loose_pixels;
     int level = -1;
     if (options.range_gate) {
       const double wanted = static_cast<double>(search_.points.max_distance[point]);
@@ -140,7 +144,7 @@ class projection_prefilter {
     }
     const double s = static_cast<double>(search_.scale[options.range_gate ? level : options.window_octave]);
     const double radius = widest_ * s * (1 + detail::loose) + m;
-    const double u_right = bf_ > 0 ? p.x - bf_ / X_c.z : 0;
+    const double u_right = bf_ > 0 ? p.x - bf_ / z : 0;
     const point_covariance* covariance = search_.covariance_of(point);
     detail::hopeful_scan<Descriptor, Camera> scan{options,
                                                   view_,
@@ -162,6 +166,7 @@ class projection_prefilter {
     return scan.hope;
   }
 
+ private:
   /// The window of a point that is not exact, and how far off it may be. False: the decision knows.
   TURBOMAP_HD bool spread(const vec3<double>& X, const point_covariance& covariance, double sigma,
                           detail::hopeful_scan<Descriptor, Camera>& scan) const {

@@ -4,12 +4,14 @@
 
 /// \file
 /// The search by projection of one block of points in one camera: most points are told apart by a few operations
-/// (projection_prefilter.hpp), the others decided in full (projection_test.hpp).
+/// (projection_prefilter.hpp, on the host several points at once: projection_lanes.hpp), the others decided in full
+/// (projection_test.hpp).
 
 #include <cstdint>
 
 #include "../config.hpp"
 #include "../context.hpp"
+#include "projection_lanes.hpp"
 #include "projection_prefilter.hpp"
 #include "projection_test.hpp"
 #include "projection_view.hpp"
@@ -39,6 +41,18 @@ struct projection_search {
       return;
     }
     const projection_prefilter<Descriptor, Camera> prefilter(search, camera);
+    if constexpr (has_projection_lanes) {
+      projection_lanes<Descriptor, Camera, BlockSize> block(search, camera);
+      if (block.is_known())
+        return block.find(
+            first, last,
+            [&](int p) {
+              if (prefilter.may_match(p)) store(at + p, test(p));
+            },
+            [&](int p, const vec2<double>& pixel, double z, double distance) {
+              if (prefilter.may_match_at(p, pixel, z, distance)) store(at + p, test(p));
+            });
+    }
     for (int p = first; p < last; ++p)
       if (is_hopeful(camera, prefilter, p)) store(at + p, test(p));
   }
