@@ -262,9 +262,9 @@ int main(int argc, char** argv) try {
   if (centres && a.check) throw std::invalid_argument("--pixel-centres: not together with --check");
   if (a.error_parts && a.check) throw std::invalid_argument("--error-parts: not together with --check");
   if (a.check) a.pixel_centres = turbomap_replay::choice::no;
-  if (a.check || a.objects) {
-    if (uses_imu) throw std::invalid_argument("--imu: not together with --check or --map objects");
-    if (a.imu == turbomap_replay::choice::by_recording) a.without_imu = a.check ? "--check" : "--map objects";
+  if (a.check) {
+    if (uses_imu) throw std::invalid_argument("--imu: not together with --check");
+    if (a.imu == turbomap_replay::choice::by_recording) a.without_imu = "--check";
     a.imu = turbomap_replay::choice::no;
   }
   if (a.imu == turbomap_replay::choice::no && a.imu_noise != 1)

@@ -17,6 +17,7 @@
 #include <cmath>
 #include <vector>
 
+#include "scenes/inertial_motion.hpp"
 #include "scenes/mapping_scene.hpp"
 #include "support/policies.hpp"
 
@@ -45,59 +46,13 @@ struct turbomap::inertial_traits<mirrored_inertial_map> : turbomap::inertial_tra
 
 namespace {
 
-constexpr double step_s = 0.2;  // of a mapping_run
-
-/// What an IMU without errors measures on the way of a scene, which it follows in steps of constant acceleration.
-struct true_motion {
-  const mapping_scene<pinhole_camera>& scene;
-  vec3<double> gravity{0, 9.81, 0};
-
-  isometry<double> body(int n) const { return turbomap::inverse(turbomap::to_isometry<double>(scene.pose(n))); }
-  vec3<double> velocity(int n) const {
-    using turbomap::operator*;
-    return (0.5 / step_s) * (body(n + 1).t - body(n - 1).t);
-  }
-  preintegration<double> between(int i, int j) const {
-    using turbomap::operator*;
-    const double dt = step_s * (j - i);
-    std::vector<std::int64_t> t;
-    std::vector<turbomap::imu_sample> rest;
-    for (int k = 0; k <= 40 * (j - i); ++k) t.push_back(k * 5'000'000LL), rest.push_back({{0, 0, 0}, {0, 0, 9.81}});
-    const turbomap::imu_samples samples{t, rest};
-    auto p = turbomap::preintegrate(samples, turbomap::find_interval(samples, 0, t.back()),
-                                    turbomap::imu_bias<double>{}, {});
-    const auto a = body(i), b = body(j);
-    const auto R = turbomap::transpose(a.R);
-    p.dt = dt, p.dR = R * b.R, p.dV = R * (velocity(j) - velocity(i) - dt * gravity);
-    p.dP = R * (b.t - a.t - dt * velocity(i) - 0.5 * dt * dt * gravity);
-    return p;
-  }
-};
-
-turbomap::local_mapper_options options_of(const mapping_recipe& recipe) {
-  auto o = turbomap::local_mapper_options::stereo_inertial(0.11, 6, recipe.scales);
-  o.keyframe_culling.redundant_share = 0.02F, o.keyframe_culling.observers = 1;
-  o.keyframe_culling.keep_keyframes = 8, o.keyframe_culling.max_gap = 0.45, o.keyframe_culling.max_old_gap = 1.05;
-  return o;
-}
-
-/// The next keyframe, with what its IMU measured since the one before.
-template <class Run>
-turbomap::map_keyframe_id track(Run& run, const true_motion& motion) {
-  const auto k = run.track();
-  const int n = static_cast<int>(run.keyframes().size()) - 1;
-  run.map.set_velocity(k, motion.velocity(n));
-  if (n > 0) run.map.set_motion(k, motion.between(n - 1, n));
-  return k;
-}
-
 template <class Map, class Policy>
 void check_chain() {
   mapping_recipe recipe;
   recipe.pixel_noise = 0.4;
   const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
   const true_motion motion{scene};
-  const auto options = options_of(recipe);
+  const auto options = culled_inertial_options(recipe);
   inertial_mapping<Map, Policy> run(scene, options);
   run.map.set_gravity(motion.gravity);
   std::size_t culled = 0, merged = 0;
@@ -158,8 +113,8 @@ TEST_CASE("a mirrored map with an IMU is left as the map itself would be, to the
   recipe.pixel_noise = 0.4;
   const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
   const true_motion motion{scene};
-  inertial_mapping<inertial_map, sequential> run(scene, options_of(recipe));
-  inertial_mapping<mirrored_inertial_map, sequential> mirrored(scene, options_of(recipe));
+  inertial_mapping<inertial_map, sequential> run(scene, culled_inertial_options(recipe));
+  inertial_mapping<mirrored_inertial_map, sequential> mirrored(scene, culled_inertial_options(recipe));
   std::size_t culled = 0, adjusted = 0;
   const auto step = [&](auto& which, int n) {
     which.map.set_gravity(motion.gravity);
@@ -185,7 +140,7 @@ TEST_CASE("what tracking changed of a mirrored keyframe, unreported, is read wit
   mapping_recipe recipe;
   const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
   const true_motion motion{scene};
-  inertial_mapping<mirrored_inertial_map, sequential> run(scene, options_of(recipe));
+  inertial_mapping<mirrored_inertial_map, sequential> run(scene, culled_inertial_options(recipe));
   run.map.set_gravity(motion.gravity), run.map.set_initialised(true);
   run.mapper.options().checked_share = 0;
   for (int n = 0; n < 8; ++n) run.mapper.process(track(run, motion));
@@ -209,7 +164,7 @@ TEST_CASE("stop and deadline leave the inertial stage out") {
   bool stop = false;
   turbomap::local_mapper_hooks<inertial_map> hooks;
   hooks.stop = [&] { return stop; };
-  inertial_mapping<inertial_map, sequential> run(scene, options_of(recipe), hooks);
+  inertial_mapping<inertial_map, sequential> run(scene, culled_inertial_options(recipe), hooks);
   run.map.set_gravity(motion.gravity), run.map.set_initialised(true);
   for (int n = 0; n < 6; ++n) run.mapper.process(track(run, motion));
   const auto adjusting = turbomap::mapping_stage::adjustment;
@@ -228,7 +183,7 @@ TEST_CASE("a motion that cannot be used is reported, and mapping goes on; strict
   mapping_recipe recipe;
   const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
   const true_motion motion{scene};
-  inertial_mapping<inertial_map, sequential> run(scene, options_of(recipe));
+  inertial_mapping<inertial_map, sequential> run(scene, culled_inertial_options(recipe));
   run.map.set_gravity(motion.gravity), run.map.set_initialised(true);
   for (int n = 0; n < 6; ++n) run.mapper.process(track(run, motion));
   const auto k = track(run, motion);

@@ -18,6 +18,8 @@
 
 #include <turbomap/types.hpp>
 
+#include "object_imu.hpp"
+
 namespace turbomap_program {
 
 class object_keyframe;
@@ -35,6 +37,7 @@ class object_keyframe {
   const std::uint64_t id;
   const double time_s;
   const std::vector<turbomap::keypoint> keypoints;
+  object_imu imu;  ///< stays empty where the map is visual
 
   bool bad() const { return object_lock{mutex_}, bad_; }
   turbomap::rigid_transform<double> pose() const { return object_lock{mutex_}, T_cw_; }

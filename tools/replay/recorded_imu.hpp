@@ -62,8 +62,8 @@ class recorded_imu {
     try {
       turbomap::imu_history h = samples(from, recording_.t_ns[static_cast<std::size_t>(i)]);
       // Before it is initialised, at the bias of the motion before: attempts find it, and culling merges the two.
-      const auto* last = map.motion(before);
-      const bool known = map.initialised() || last == nullptr;
+      const auto last = map.motion(before);  // a pointer, or a copy
+      const bool known = map.initialised() || !last;
       const auto motion = turbomap::preintegrate(h, known ? map.bias(before) : last->bias, options_);
       map.set_motion(current, motion, std::move(h));
     } catch (const std::invalid_argument& error) {
@@ -74,8 +74,8 @@ class recorded_imu {
   /// Tracking has found its pose.
   void tracked(Map& map, const keyframe& current) {
     const keyframe before = traits::previous(map, current);
-    const auto* motion = map.motion(current);
-    if (!map.initialised() || motion == nullptr) return;
+    const auto motion = map.motion(current);
+    if (!map.initialised() || !motion) return;
     const turbomap::inertial_state<double> from{map.T_cw(before), map.velocity(before), map.bias(before)};
     const auto to = turbomap::predict(from, *motion, map.gravity(), turbomap::to_isometry<double>(map.T_bc()));
     map.set_velocity(current, to.velocity);
@@ -98,9 +98,12 @@ class recorded_imu {
       turbomap::inertial_adjustment_options all = mapper.options().inertial;
       all.strong_points = -1, all.window.keyframes = 1 << 20;
       const auto summary = adjust_(s, current, mapper.options().adjustment, all);
+      mapper.refresh();  // a mirror of the map: all of it may have moved, before appearances are computed from it
       mapper.update_geometry(adjust_.points());
       mapper.update_appearance(adjust_.points_that_lost_views());
       if (summary.stale) return found.scale;  // once more, at the next keyframe
+    } else {
+      mapper.refresh();
     }
     schedule_.done(step, now);
     refinements_ += step == turbomap::initialisation_step::refine ? 1 : 0;

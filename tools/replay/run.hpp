@@ -123,9 +123,9 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
   outcome o;
   o.begin_ms = now_ms();
   for (int k = 0; k < arguments.repeat; ++k) {
-    result = arguments.imu == choice::yes ? replay_inertial<Camera>(recording, policy, arguments)
-             : arguments.objects
-                 ? replay_objects<Camera>(recording, arguments)
+    result = arguments.objects ? replay_objects<Camera>(recording, arguments)
+             : arguments.imu == choice::yes
+                 ? replay_inertial<Camera>(recording, policy, arguments)
                  : replayer<turbomap::simple_map<orb, Camera>, Policy>(recording, policy, arguments).run();
     for (std::size_t i = warm_up; i < result.rows.size(); ++i) rows.push_back(result.rows[i]);
   }

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// turbomap-replay --map objects.
+/// turbomap-replay --map objects, without an IMU.
 
 #include "run_objects.hpp"
 
@@ -22,13 +22,13 @@ replay_result run(const turbomap::recording& recording, const arguments& argumen
 }  // namespace
 
 template <>
-replay_result replay_objects<turbomap::pinhole<float>>(const turbomap::recording& recording,
-                                                       const arguments& arguments) {
+replay_result replay_visual_objects<turbomap::pinhole<float>>(const turbomap::recording& recording,
+                                                              const arguments& arguments) {
   return run<turbomap::pinhole<float>>(recording, arguments);
 }
 template <>
-replay_result replay_objects<turbomap::kannala_brandt<float>>(const turbomap::recording& recording,
-                                                              const arguments& arguments) {
+replay_result replay_visual_objects<turbomap::kannala_brandt<float>>(const turbomap::recording& recording,
+                                                                     const arguments& arguments) {
   return run<turbomap::kannala_brandt<float>>(recording, arguments);
 }
 

@@ -2,16 +2,23 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// Local mapping on a map of objects: the map that it makes on flat arrays, to the last bit.
+/// Local mapping on a map of objects: the map that it makes on flat arrays, to the last bit; with an IMU too.
 
 #include <doctest/doctest.h>
 #include <thrust/detail/seq.h>
+#include <cmath>
+#include <memory>
 #include <turbomap/local_mapper.hpp>
+#include <turbomap/map/simple_map/simple_inertial_map.hpp>
 #include <turbomap/map/validate.hpp>
+#include <turbomap/mapping/inertial_adjustment.hpp>
 #include <type_traits>
+#include <vector>
 
+#include "objects_map/inertial_objects_map.hpp"
 #include "objects_map/objects_map.hpp"
 #include "replay/map_digest.hpp"
+#include "scenes/inertial_motion.hpp"
 #include "scenes/mapping_scene.hpp"
 
 namespace {
@@ -60,6 +67,101 @@ TEST_CASE("a map of objects and one of arrays become the same to the last bit") 
   SUBCASE("a rig of two fisheyes") {
     check_same_map(mapping_scene<fisheye_camera>(fisheye_rig(2), recipe), options, 9);
   }
+}
+
+/// Velocities, biases and motions of the keyframes, one after the other.
+template <class Map>
+std::vector<double> inertial_numbers(const Map& map) {
+  std::vector<double> all;
+  const auto add = [&](const turbomap::vec3<double>& v) { all.insert(all.end(), {v.x, v.y, v.z}); };
+  turbomap::map_traits<Map>::for_each_keyframe(map, [&](const auto& k) {
+    add(map.velocity(k)), add(map.bias(k).gyro), add(map.bias(k).acceleration);
+    const auto p = map.motion(k);
+    if (p) all.push_back(p->dt), add(p->dP), add(p->dV), add(p->bias.gyro), all.push_back(p->covariance(0, 0));
+  });
+  return all;
+}
+
+TEST_CASE("a map of objects with an IMU and one of arrays become the same to the last bit") {
+  mapping_recipe recipe;
+  recipe.pixel_noise = 0.4;
+  const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
+  const true_motion motion{scene};
+  using flat_map = turbomap::simple_inertial_map<descriptor, pinhole_camera>;
+  using objects_map = turbomap_program::inertial_objects_map<pinhole_camera>;
+  mapping_run<flat_map, sequential, turbomap::inertial_adjustment<flat_map, sequential>> flat(
+      scene, culled_inertial_options(recipe));
+  mapping_run<objects_map, sequential, turbomap::inertial_adjustment<objects_map, sequential>> objects(
+      scene, culled_inertial_options(recipe));
+  std::size_t culled = 0, adjusted = 0;
+  const auto step = [&](auto& run, int n) {
+    run.map.set_gravity(motion.gravity);
+    const auto k = track(run, motion);
+    run.map.set_initialised(n >= 5), run.map.set_refined(n >= 15);
+    const auto& report = run.mapper.process(k);
+    culled += report.keyframes_culled.size();
+    adjusted += report.adjustment.inertial && report.adjustment.solve.accepted > 0 ? 1 : 0;
+    CHECK(report.healed == 0);
+    run.note();
+  };
+  for (int n = 0; n < 20; ++n) {
+    CAPTURE(n);
+    step(flat, n), step(objects, n);
+    REQUIRE(turbomap_replay::map_digest(objects.map) == turbomap_replay::map_digest(flat.map));
+    REQUIRE(inertial_numbers(objects.map) == inertial_numbers(flat.map));
+    REQUIRE(turbomap::validate(objects.map).empty());
+  }
+  CHECK(culled > 4);
+  CHECK(adjusted > 20);
+}
+
+/// Half a second at 200 Hz from `from_ms` on, pushed and turned evenly.
+turbomap::imu_history half_second(int from_ms) {
+  turbomap::imu_history h;
+  for (int ms = from_ms; ms <= from_ms + 500; ms += 5)
+    h.t_ns.push_back(ms * 1'000'000LL), h.sample.push_back({{0, 0, 0.5}, {1, 0, 9.81}});
+  h.pieces.push_back(turbomap::find_interval({h.t_ns, h.sample}, h.t_ns.front(), h.t_ns.back()));
+  return h;
+}
+
+TEST_CASE("the samples of objects are joined and integrated again as those of a simple_inertial_map") {
+  const turbomap::preintegration_options imu;
+  const turbomap::imu_bias<double> none{}, far{{0.3, 0, 0}, {0, 2, 0}};  // too far for the first order
+  const turbomap::keypoint keypoint{10, 10};
+  const auto run = [&](auto map) {
+    using map_type = std::decay_t<decltype(*map)>;
+    using traits = turbomap::inertial_traits<map_type>;
+    map->set_imu({}, imu);
+    const turbomap::span<const turbomap::keypoint> one(&keypoint, 1);
+    const auto a = map->add_keyframe(one, {}, 0);
+    const auto b = map->add_keyframe(one, {}, 0.5, a);
+    const auto c = map->add_keyframe(one, {}, 1, b);
+    map->set_motion(b, turbomap::preintegrate(half_second(0), none, imu), half_second(0));
+    map->set_motion(c, turbomap::preintegrate(half_second(500), none, imu), half_second(500));
+    auto numbers = inertial_numbers(*map);
+    const auto note = [&] {
+      const auto more = inertial_numbers(*map);
+      numbers.insert(numbers.end(), more.begin(), more.end());
+    };
+    turbomap::bridge_motion(*map, b), turbomap::map_traits<map_type>::erase_keyframe(*map, b);
+    note();
+    CHECK(std::abs(map->motion(c)->dt - 1) < 1e-9);
+    traits::bias_changed(*map, c, far);
+    CHECK(map->motion(c)->bias.acceleration.y == 2);  // of the samples of both
+    CHECK(std::abs(map->motion(c)->dt - 1) < 1e-9);
+    note();
+    traits::clear_motion(*map, c);
+    CHECK(!map->motion(c));
+    note();
+    map->set_motion(c, turbomap::preintegrate(half_second(500), none, imu));
+    traits::bias_changed(*map, c, far);
+    CHECK(map->motion(c)->bias.acceleration.y == 0);  // without samples it stays
+    note();
+    return numbers;
+  };
+  const auto flat = run(std::make_unique<turbomap::simple_inertial_map<descriptor, pinhole_camera>>());
+  const auto objects = run(std::make_unique<turbomap_program::inertial_objects_map<pinhole_camera>>());
+  CHECK(flat == objects);
 }
 
 TEST_CASE("a mapper on a mirror sees what is reported at once, and heals what is not") {
