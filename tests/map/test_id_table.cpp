@@ -32,6 +32,14 @@ TEST_CASE("ids are numbered in the order in which they are named") {
   CHECK(table.place(0) == 0);
 }
 
+TEST_CASE("ids may be prefetched, of an empty table too") {
+  turbomap::id_table table;
+  table.prefetch(7);
+  table.place(7);
+  table.prefetch(7), table.prefetch(8);
+  CHECK(table.find(7) == 0);
+}
+
 TEST_CASE("random ids against a map") {
   std::mt19937_64 random(2);
   turbomap::id_table table;

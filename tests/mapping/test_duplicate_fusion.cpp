@@ -7,7 +7,6 @@
 
 #include <thrust/execution_policy.h>
 
-#include <algorithm>
 #include <stdexcept>
 #include <type_traits>
 #include <utility>
@@ -111,34 +110,6 @@ TEST_CASE("what was fused once is not fused again") {
   CHECK(p.fusion.touched().empty());
   const auto again = p.forward();
   CHECK(again.merged == 0);
-}
-
-TEST_CASE("the slots of a keyframe tell which points it sees, as the views of the points do") {
-  prepared<lying_map> p;
-  lying_map& map = p.run.map;
-  const auto query = p.run.keyframes().back();
-  for (std::size_t i = 0, hidden = 0; hidden < 3; ++i)  // points that are not taken in, among those that are
-    if (const auto bare = map.point_at(p.targets[0], i); bare != turbomap::map_point_id{})
-      map.bare.insert(bare.index), ++hidden;
-  turbomap::keyframe_selection<lying_map> target;
-  REQUIRE(target.place(map, query, p.run.scope(p.held).stored) == 0);
-  turbomap::fault_list faults;
-  turbomap::duplicate_snapshot<lying_map> by_views, by_slots;
-  for (auto* snapshot : {&by_views, &by_slots}) {
-    snapshot->clear();
-    for (const auto& k : p.targets) snapshot->add_points_of(map, k, turbomap::fault_sink(faults));
-  }
-  by_views.note_observed(map, target);
-  const std::size_t slots = map.keypoints(query).size();
-  by_slots.note_observed_by(map, query, 0, slots / 3);
-  by_slots.note_observed_by(map, query, slots / 3, slots);
-  turbomap::plain_vector<int> cameras;
-  cameras.push_back(1);
-  for (auto* snapshot : {&by_views, &by_slots}) snapshot->mark_observed(cameras);
-  const auto expected = by_views.skip(0), found = by_slots.skip(0);
-  CHECK(std::count(expected.begin(), expected.end(), 1) > 20);
-  CHECK(std::count(expected.begin(), expected.end(), 0) > 20);
-  CHECK(std::equal(expected.begin(), expected.end(), found.begin(), found.end()));
 }
 
 TEST_CASE("points that are known badly are found farther away; exact ones as ever") {

@@ -127,6 +127,33 @@ struct reported_edits : library_edits {
   }
 };
 
+/// After each edit, the measurements that the mirror keeps of a point are those of the map.
+struct counted_edits : reported_edits {
+  static void check(const mirrored_map& m, turbomap::map_point_id p) {
+    if (!traits::alive(m, p)) return;
+    const int kept = turbomap::measurement_count(m, p), truth = turbomap::measurement_count(m.objects, m.name(p));
+    if (kept != truth) FAIL("the mirror keeps " << kept << " measurements of " << truth);
+    if (turbomap::has_more_measurements(m, p, truth)) FAIL("more measurements than there are");
+  }
+  static bool observe(mirrored_map& m, turbomap::map_point_id p, turbomap::map_keyframe_id k, std::size_t i) {
+    const bool made = reported_edits::observe(m, p, k, i);
+    check(m, p);
+    return made;
+  }
+  static turbomap::map_point_id forget(mirrored_map& m, turbomap::map_keyframe_id k, std::size_t i) {
+    const auto p = reported_edits::forget(m, k, i);
+    check(m, p);
+    return p;
+  }
+  template <class S>
+  static bool merge(mirrored_map& m, turbomap::map_point_id from, turbomap::map_point_id into,
+                    const turbomap::fusion_commit_options& o, S& scratch) {
+    const bool made = reported_edits::merge(m, from, into, o, scratch);
+    check(m, from), check(m, into);
+    return made;
+  }
+};
+
 template <class Edits>
 void check_edits(std::size_t worlds) {
   for (std::size_t n = 0; n < worlds; ++n) {
@@ -141,6 +168,7 @@ void check_edits(std::size_t worlds) {
 }
 
 TEST_CASE("after every edit through the mirror it is what the map is") { check_edits<library_edits>(40); }
+TEST_CASE("after every edit the mirror keeps the measurements of a point") { check_edits<counted_edits>(20); }
 TEST_CASE("after every edit of others that is reported the mirror is what the map is") {
   check_edits<reported_edits>(40);
 }

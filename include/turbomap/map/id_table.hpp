@@ -10,6 +10,7 @@
 #include <cstdint>
 
 #include "../plain_vector.hpp"
+#include "../prefetch.hpp"
 
 namespace turbomap {
 
@@ -46,6 +47,10 @@ class id_table {
     const cell& c = cells_[find_cell(id)];
     return c.epoch == epoch_ ? c.place : none;
   }
+  /// Asks memory for where an id is looked up.
+  void prefetch(std::uint64_t id) const {
+    if (!cells_.empty()) prefetch_line(&cells_[first_cell(id)]);
+  }
 
  private:
   struct cell {
@@ -54,9 +59,12 @@ class id_table {
     std::uint32_t epoch = 0;
   };
 
+  std::size_t first_cell(std::uint64_t id) const {
+    return static_cast<std::size_t>((id * 0x9E3779B97F4A7C15u) >> 32) & (cells_.size() - 1);
+  }
   std::size_t find_cell(std::uint64_t id) const {
     const std::size_t mask = cells_.size() - 1;
-    std::size_t at = static_cast<std::size_t>((id * 0x9E3779B97F4A7C15u) >> 32) & mask;
+    std::size_t at = first_cell(id);
     while (cells_[at].epoch == epoch_ && cells_[at].id != id) at = (at + 1) & mask;
     return at;
   }

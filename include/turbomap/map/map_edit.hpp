@@ -41,14 +41,6 @@ void move_count(Map& map, typename map_traits<Map>::point point, int before, int
   if (after >= 0) change_count(map, point, after, +1);
 }
 
-/// Whether the counts by octave follow while a point is erased. In a copy of a map that keeps none nobody reads them again: such
-/// traits say `counts_erased = false`.
-template <class Map, class = void>
-inline constexpr bool counts_erased_v = counts_octaves_v<Map>;
-template <class Map>
-inline constexpr bool counts_erased_v<Map, std::void_t<decltype(map_traits<Map>::counts_erased)>> =
-    map_traits<Map>::counts_erased;
-
 inline int finer(int a, int b) { return a < 0 ? b : b < 0 ? a : a < b ? a : b; }
 
 }  // namespace detail
@@ -131,10 +123,10 @@ void erase_point(Map& map, typename map_traits<Map>::point point, typename map_t
     for (std::size_t v = 0; v < count; ++v) {
       const auto& [observer, at] = views[v];
       [[maybe_unused]] int before = -1;
-      if constexpr (detail::counts_erased_v<Map>) before = finest_octave(map, point, observer);
+      if constexpr (detail::users_counts_v<Map>) before = finest_octave(map, point, observer);
       traits::erase_observation(map, point, observer, at);
       traits::set_point(map, observer, at, typename traits::point{});
-      if constexpr (detail::counts_erased_v<Map>)
+      if constexpr (detail::users_counts_v<Map>)
         detail::move_count(map, point, before, finest_octave(map, point, observer));
     }
     if (count < most) break;

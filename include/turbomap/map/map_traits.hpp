@@ -177,6 +177,11 @@ using map_guard_member = if_lock<decltype(T::guard(std::declval<M&>()))>;
 /// Only the copy of a user's map that the library keeps has it: look_again.hpp.
 template <class M, class T>
 using map_look_member = decltype(T::look_again(std::declval<const M&>(), std::declval<point_of<T>>()));
+/// The same: observation_counts.hpp.
+template <class M, class T>
+using map_measurements_member =
+    std::void_t<map_look_member<M, T>,
+                decltype(T::kept_measurements(std::declval<const M&>(), std::declval<point_of<T>>()))>;
 template <class M, class T>
 using map_all_member = std::void_t<decltype(T::for_each_keyframe(std::declval<const M&>(), any_probe{})),
                                    decltype(T::for_each_point(std::declval<const M&>(), any_probe{}))>;

@@ -9,6 +9,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 
 #include "../config.hpp"
 #include "map_traits.hpp"
@@ -69,21 +70,37 @@ void recount(const Map& map, typename map_traits<Map>::point point, List& counts
 template <class Map>
 inline constexpr bool counts_octaves_v = detail::map_has_v<Map, detail::map_counts_member>;
 
+namespace detail {
+/// The same, where the counts are the user's. A copy of a map that has none counts by itself, and its traits say `users_counts =
+/// false`: such counts have room for every octave, and end with their point.
+template <class Map, class = void>
+inline constexpr bool users_counts_v = counts_octaves_v<Map>;
+template <class Map>
+inline constexpr bool users_counts_v<Map, std::void_t<decltype(map_traits<Map>::users_counts)>> =
+    map_traits<Map>::users_counts;
+}  // namespace detail
+
 /// The number of measurements of a point: a stereo keypoint (u_right >= 0) is two, every other view one [ORB-SLAM3]. O(views).
 template <class Map>
 int measurement_count(const Map& map, typename map_traits<Map>::point point) {
   using traits = map_traits<Map>;
-  int count = 0;
-  traits::for_each_observation(map, point, [&](typename traits::keyframe observer, std::size_t keypoint) {
-    count += keypoint_of(map, observer, keypoint).u_right >= 0 ? 2 : 1;
-  });
-  return count;
+  if constexpr (detail::map_has_v<Map, detail::map_measurements_member>) {
+    return traits::kept_measurements(map, point);
+  } else {
+    int count = 0;
+    traits::for_each_observation(map, point, [&](typename traits::keyframe observer, std::size_t keypoint) {
+      count += keypoint_of(map, observer, keypoint).u_right >= 0 ? 2 : 1;
+    });
+    return count;
+  }
 }
 
 /// Whether measurement_count() is more than `fewest`: keypoints are read until that is known, mostly one or two.
 template <class Map>
 bool has_more_measurements(const Map& map, typename map_traits<Map>::point point, int fewest) {
   using traits = map_traits<Map>;
+  if constexpr (detail::map_has_v<Map, detail::map_measurements_member>)
+    return traits::kept_measurements(map, point) > fewest;
   int count = 0;
   traits::for_each_observation(map, point, [&](typename traits::keyframe observer, std::size_t keypoint) {
     if (count <= fewest) count += keypoint_of(map, observer, keypoint).u_right >= 0 ? 2 : 1;

@@ -27,9 +27,11 @@ struct nothing_else {
 /// Calls visit(i, at(i)) for 0 <= i < count. \tparam What  what visit() reads of a point, a sum of point_data
 /// \param at    at(i): the i-th point, or none, or one that is gone. Asked several times, so it must be cheap
 /// \param also  also(point): asks for what else visit() reads; not called for none
-template <unsigned What, class Map, class At, class Visit, class Also = detail::nothing_else>
+/// \param near  near(point): the same, when the point is nearer: for what lies where `also` has asked
+template <unsigned What, class Map, class At, class Visit, class Also = detail::nothing_else,
+          class Near = detail::nothing_else>
 void for_each_ahead([[maybe_unused]] const Map& map, std::size_t count, At at, Visit visit,
-                    [[maybe_unused]] Also also = {}) {
+                    [[maybe_unused]] Also also = {}, [[maybe_unused]] Near near = {}) {
   if constexpr (detail::map_has_v<Map, detail::map_prefetch_member>) {
     using traits = map_traits<Map>;
     constexpr auto views = static_cast<unsigned>(point_data::views);
@@ -37,13 +39,15 @@ void for_each_ahead([[maybe_unused]] const Map& map, std::size_t count, At at, V
     const auto ask = [&](const auto& point) {
       if (!(point == none)) traits::prefetch(map, point, What & ~views), also(point);
     };
-    const auto ask_views = [&](const auto& point) {
-      if (!(point == none)) traits::prefetch(map, point, views);
+    const auto ask_near = [&](const auto& point) {
+      if (point == none) return;
+      if constexpr ((What & views) != 0) traits::prefetch(map, point, views);
+      near(point);
     };
     for (std::size_t i = 0; i < detail::ahead_far && i < count; ++i) ask(at(i));
     for (std::size_t i = 0; i < count; ++i) {
       if (i + detail::ahead_far < count) ask(at(i + detail::ahead_far));
-      if ((What & views) != 0 && i + detail::ahead_near < count) ask_views(at(i + detail::ahead_near));
+      if (i + detail::ahead_near < count) ask_near(at(i + detail::ahead_near));
       visit(i, at(i));
     }
   } else {

@@ -43,7 +43,7 @@ bool check_observations(const Map& map, typename map_traits<Map>::point point, R
       return;
     }
     if (!(traits::point_at(map, k, i) == point)) fault(map_fault::observation_without_slot);
-    if constexpr (counts_octaves_v<Map>) {
+    if constexpr (users_counts_v<Map>) {
       if (keypoint_of(map, k, i).octave >= traits::octave_counts(map, point).size()) {
         fault(map_fault::octave_out_of_range);
         readable = false;
@@ -173,7 +173,7 @@ bool require_removable(const Map& map, typename map_traits<Map>::keyframe keyfra
     if (point == typename traits::point{}) return;
     const auto is_sound_own = [&](std::size_t i) {
       if (i >= keypoints || !(traits::point_at(map, keyframe, i) == point)) return false;
-      if constexpr (counts_octaves_v<Map>)
+      if constexpr (detail::users_counts_v<Map>)
         return keypoint_of(map, keyframe, i).octave < traits::octave_counts(map, point).size();
       return true;
     };

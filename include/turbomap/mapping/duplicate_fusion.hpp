@@ -92,8 +92,7 @@ class duplicate_fusion {
           snapshot_.clear(options.covariances);
           for (const point& p : points) snapshot_.add_point(s.map, p, s.faults);
           place_targets(s, span<const keyframe>(&target, 1));
-          if (targets_.size() == 1)
-            snapshot_.note_observed_by(s.map, targets_[0], 0, keypoint_count_of(s.map, targets_[0]));
+          snapshot_.note_observed(s.map, targets_, s.faults);
         }
         compute_covariances(s, options);
         compute(s, c, options.search);
@@ -113,7 +112,7 @@ class duplicate_fusion {
   /// somebody has moved a target between two parts, poses and positions are read anew, so that all are of one time.
   void snapshot(const scope& s, span<const keyframe> sources, span<const keyframe> targets,
                 const fusion_options& options) {
-    std::size_t source = 0, slot = 0, noted = 0;
+    std::size_t source = 0, slot = 0;
     s.in_parts(
         [&] {
           snapshot_.clear(options.covariances);
@@ -132,21 +131,9 @@ class duplicate_fusion {
             most -= slot - begin;
             if (slot < slots) break;
           }
-          if (targets_.size() != 1) {
-            snapshot_.note_observed(s.map, targets_, s.faults, known);
-            return source < sources.size();
-          }
-          if (source < sources.size()) return true;
-          return note_slots(s, noted, most);
+          snapshot_.note_observed(s.map, targets_, s.faults, known);
+          return source < sources.size();
         });
-  }
-  /// Of the only target: what of the snapshot its next `most` slots hold. \return whether there are more
-  bool note_slots(const scope& s, std::size_t& noted, std::size_t most) {
-    if (!traits::alive(s.map, targets_[0])) return false;
-    const std::size_t slots = keypoint_count_of(s.map, targets_[0]), begin = noted;
-    noted = slots - begin < most ? slots : begin + most;
-    snapshot_.note_observed_by(s.map, targets_[0], begin, noted);
-    return noted < slots;
   }
   /// The live points of live keyframes. The caller holds the guard.
   void snapshot_points(const scope& s, span<const keyframe> sources, const fusion_options& options) {

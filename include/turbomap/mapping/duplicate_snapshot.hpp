@@ -37,7 +37,6 @@ class duplicate_snapshot {
   void clear(bool covariances = false) {
     keeps_covariances_ = covariances;
     seen_.clear();
-    places_.clear();
     points_.clear();
     positions_.clear(), normals_.clear(), min_distances_.clear(), max_distances_.clear(), descriptors_.clear();
     covariances_.clear();
@@ -70,34 +69,29 @@ class duplicate_snapshot {
   void add_point(const Map& map, point p, fault_sink faults = {}) {
     if (p == point{} || !traits::alive(map, p)) return;
     const std::size_t known = seen_.size();
-    if (seen_.place(map, p) != known) return;
-    places_.push_back(no_place);  // until it is taken in
-    if (add(map, p, faults)) places_[known] = static_cast<std::uint32_t>(points_.size() - 1);
+    if (seen_.place(map, p) == known) add(map, p, faults);
   }
   /// Notes which targets see the points already. `faults` is told of views by keypoints that the target does not have.
   /// \param first  it has been noted of the points before this one
   /// O(views of these points).
   void note_observed(const Map& map, const keyframe_selection<Map>& targets, fault_sink faults = {},
                      std::size_t first = 0) {
-    for_each_ahead<point_data::entry + point_data::views>(
-        map, points_.size() - first, [&](std::size_t p) { return points_[first + p]; },
-        [&](std::size_t p, const point& name) {
-          traits::for_each_observation(map, name, [&](keyframe k, std::size_t i) {
-            const std::size_t target = targets.find(map, k);
-            if (target != id_table::none) note(map, k, i, target, first + p, faults);
+    const auto each_view = [&](auto note_view) {
+      for_each_ahead<point_data::entry + point_data::views>(
+          map, points_.size() - first, [&](std::size_t p) { return points_[first + p]; },
+          [&](std::size_t p, const point& name) {
+            traits::for_each_observation(map, name, [&](keyframe k, std::size_t i) { note_view(k, i, first + p); });
           });
-        });
-  }
-  /// The same where there is one target, once all points are taken in: from the slots [begin, end) of the target. Points have many
-  /// more views than it has slots. Of a view that is in no slot nothing is noted: the commit meets it. O(slots).
-  void note_observed_by(const Map& map, const keyframe& target, std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const point p = traits::point_at(map, target, i);
-      if (p == point{} || !traits::alive(map, p)) continue;
-      const std::size_t number = seen_.find(map, p);
-      if (number != point_numbering<Map>::none && places_[number] != no_place)
-        observed_.push_back({0, keypoint_of(map, target, i).camera, places_[number]});
-    }
+    };
+    if (targets.size() == 1)  // the way back: no table
+      each_view([&](keyframe k, std::size_t i, std::size_t p) {
+        if (k == targets[0]) note(map, k, i, 0, p, faults);
+      });
+    else
+      each_view([&](keyframe k, std::size_t i, std::size_t p) {
+        const std::size_t target = targets.find(map, k);
+        if (target != id_table::none) note(map, k, i, target, p, faults);
+      });
   }
   /// Makes skip() of what was noted of the targets from `first` on; needs no guard. \param cameras  of each of them
   void mark_observed(const plain_vector<int>& cameras, std::size_t first = 0) {
@@ -142,7 +136,6 @@ class duplicate_snapshot {
   struct view {
     std::size_t target, camera, point;
   };
-  static constexpr std::uint32_t no_place = static_cast<std::uint32_t>(-1);
 
   /// Or none: targets see mostly the same points, and nothing needs to be asked for of those that were taken in.
   point unseen_point_at(const Map& map, keyframe k, std::size_t keypoint) const {
@@ -156,11 +149,8 @@ class duplicate_snapshot {
       return faults({map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, points_[p]), keypoint});
     observed_.push_back({target, keypoint_of(map, k, keypoint).camera, p});
   }
-  bool add(const Map& map, point p, fault_sink faults) {
-    if (!add_descriptor(map, p)) {
-      faults({map_fault::no_descriptor, 0, traits::id(map, p), 0});
-      return false;
-    }
+  void add(const Map& map, point p, fault_sink faults) {
+    if (!add_descriptor(map, p)) return faults({map_fault::no_descriptor, 0, traits::id(map, p), 0});
     points_.push_back(p);
     const auto& position = traits::position(map, p);
     positions_.push_back({position.x, position.y, position.z});
@@ -169,7 +159,6 @@ class duplicate_snapshot {
     max_distances_.push_back(traits::max_distance(map, p));
     if constexpr (detail::map_has_v<Map, detail::map_covariance_member>)
       if (keeps_covariances_) covariances_.push_back(traits::covariance(map, p));
-    return true;
   }
   bool add_descriptor(const Map& map, point p) {
     const auto& given = traits::descriptor_data(map, p);  // valid until the next call
@@ -179,7 +168,6 @@ class duplicate_snapshot {
   }
 
   point_numbering<Map> seen_;
-  plain_vector<std::uint32_t> places_;  ///< in points_, by number in seen_
   list_of<point> points_;
   plain_vector<vec3<double>> positions_;
   plain_vector<vec3<float>> normals_;

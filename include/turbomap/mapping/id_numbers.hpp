@@ -44,13 +44,15 @@ class id_numbers {
     gone_ -= numbers_[at] == none && number != none ? 1 : 0;
     numbers_[at] = number;
   }
-  /// The id has no number from now on. Does not throw.
-  void erase(std::uint64_t id) {
+  /// The id has no number from now on, if it has this one. Does not throw.
+  void erase(std::uint64_t id, std::int32_t number) {
     const std::size_t at = table_.find(id);
-    if (at == id_table::none || numbers_[at] == none) return;
+    if (at == id_table::none || numbers_[at] != number) return;
     numbers_[at] = none;
     ++gone_;
   }
+  /// Asks memory for where an id is looked up.
+  void prefetch(std::uint64_t id) const { table_.prefetch(id); }
 
  private:
   void drop_gone() {

@@ -47,7 +47,19 @@ void look_whether_alive([[maybe_unused]] const Map& map,
                         [[maybe_unused]] const typename map_traits<Map>::point& point) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::look_whether_alive(map, point);
 }
-/// Asks memory for what the user's map has of a point, which is looked at soon.
+/// A point that is to be erased, and was found alive: its observations, and whether their slots agree.
+/// \param alive  remembers which keyframes were found alive; empty when the guard is taken
+template <class Map, class List>
+void look_before_erasing([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point,
+                         [[maybe_unused]] List& alive) {
+  if constexpr (is_copy_v<Map>) map_traits<Map>::look_before_erasing(map, point, alive);
+}
+/// Asks memory for what tells whether a point is alive, and ...
+template <class Map>
+void ask_for_state([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point) {
+  if constexpr (is_copy_v<Map>) map_traits<Map>::ask_for_state(map, point);
+}
+/// ... for what the user's map has of it, which is looked at soon: the name should be there by then.
 template <class Map>
 void ask_for([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::ask_for(map, point);

@@ -120,6 +120,21 @@ class map_copy {
     }
     return entry.keypoints;
   }
+  /// measurement_count() of a point that has been read. It is kept, as most points are asked for several times.
+  int measurements(std::size_t p) {
+    if (points.entries[p].measurements < 0) {
+      int count = 0;
+      for (std::size_t v = 0; v < points.lists.of(p).size(); ++v) count += measurements_of(points.lists.of(p)[v]);
+      points.entries[p].measurements = count;
+    }
+    return points.entries[p].measurements;
+  }
+  /// Of one observation.
+  int measurements_of(const observation& o) {
+    const auto& all = keypoints(static_cast<std::size_t>(o.keyframe));
+    const auto i = static_cast<std::size_t>(o.keypoint);
+    return i < all.size() && all[i].u_right >= 0 ? 2 : 1;
+  }
   /// Is to be read anew when it is next asked for.
   void forget(point p) {
     if (points.known(p)) points.entries[at(p)].read = 0;
@@ -327,9 +342,8 @@ class map_copy {
   void count_octaves(std::size_t p) {
     const std::uint8_t read = points.entries[p].read;
     points.entries[p].read = 0;  // until all of it is
-    const std::size_t n = points.lists.of(p).size();
-    for (std::size_t v = 0; v < n; ++v)
-      octave_of(points.lists.of(p)[v]);  // keypoints are read, and levels known, from here on
+    points.entries[p].measurements = -1;
+    measurements(p);  // keypoints are read, and levels known, from here on
     std::uint32_t* const counts = points.counts(p);
     for (std::size_t o = 0; o < points.levels(); ++o) counts[o] = 0;
     count_finest_octaves(

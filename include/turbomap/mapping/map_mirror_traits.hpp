@@ -38,8 +38,8 @@ struct map_traits<map_mirror<Map>> {
   using descriptor = typename user::descriptor;
   using camera = typename user::camera;
   using element = typename descriptor::element;
-  /// For map_edit.hpp: the mirror's own counts die with a point.
-  static constexpr bool counts_erased = counts_octaves_v<Map>;
+  /// For observation_counts.hpp.
+  static constexpr bool users_counts = counts_octaves_v<Map>;
 
   static auto guard(mirror& m) { return map_guard(m.map()); }
 
@@ -199,6 +199,8 @@ struct map_traits<map_mirror<Map>> {
       f(m.copy().keyframes.at(o.keyframe), static_cast<std::size_t>(o.keypoint));
     }
   }
+  /// For observation_counts.hpp.
+  static int kept_measurements(const mirror& m, point p) { return m.copy().ensure(p), m.copy().measurements(at(p)); }
   static point add_point(mirror& m, const vec3<double>& x, keyframe reference) {
     points(m).grow();
     const auto name = user::add_point(m.map(), x, m.name(reference));
@@ -211,7 +213,7 @@ struct map_traits<map_mirror<Map>> {
     }
     const point p = points(m).at(place);
     auto& entry = of(m, p);
-    entry.read = 1, entry.reference = reference;  // described by set_appearance() only
+    entry.read = 1, entry.reference = reference, entry.measurements = 0;  // described by set_appearance() only
     m.copy().read_position(at(p), name);
     points(m).normals[at(p)] = {}, points(m).ranges[at(p)] = {};
     if constexpr (mirror_points<Map>::has_covariances) points(m).covariances[at(p)] = user::covariance(m.map(), name);
@@ -225,10 +227,13 @@ struct map_traits<map_mirror<Map>> {
   static void add_observation(mirror& m, point p, keyframe k, std::size_t i) {
     points(m).lists.reserve(at(p), 1);
     user::add_observation(m.map(), m.name(p), m.name(k), i);
-    points(m).lists.add(at(p), {k.index, static_cast<std::int32_t>(i)});
+    const observation o{k.index, static_cast<std::int32_t>(i)};
+    points(m).lists.add(at(p), o);
+    if (of(m, p).measurements >= 0) of(m, p).measurements += m.copy().measurements_of(o);
   }
   static void erase_observation(mirror& m, point p, keyframe k, std::size_t i) {
     user::erase_observation(m.map(), m.name(p), m.name(k), i);
+    of(m, p).measurements = -1;  // mostly more follow, or nobody asks again
     points(m).lists.erase(at(p), {k.index, static_cast<std::int32_t>(i)});
   }
   static void retire(mirror& m, point p, point replacement) {
@@ -247,6 +252,10 @@ struct map_traits<map_mirror<Map>> {
   static void forget_copy(const mirror& m) { m.copy().forget_all(); }
   static void hear_refresh(const mirror& m) { m.hear_refresh(); }
   static void look_whether_alive(const mirror& m, point p) { detail::look_whether_alive(m.copy(), p); }
+  static void look_before_erasing(const mirror& m, point p, plain_vector<keyframe>& alive) {
+    detail::look_before_erasing(m.copy(), p, alive);
+  }
+  static void ask_for_state(const mirror& m, point p) { detail::ask_for_state(m.copy(), p); }
   static void ask_for(const mirror& m, point p) { detail::ask_for(m.copy(), p); }
   static void look_at_position(const mirror& m, point p) { detail::look_at_position(m.copy(), p); }
   static bool look_at_all(const mirror& m, keyframe k, int fewest) { return detail::look_at_all(m.copy(), k, fewest); }

@@ -75,7 +75,7 @@ class mirror_keyframes {
   /// What has the place is no longer alive; its name stays until drop_names().
   void retire(std::size_t place) {
     auto& lost = entries_[place];
-    numbers_.erase(lost.id);
+    numbers_.erase(lost.id, static_cast<std::int32_t>(place));
     places_.retire(static_cast<std::int32_t>(place));
     free_lists(lost);
     lost.has_keypoints = true;  // none
@@ -93,7 +93,7 @@ class mirror_keyframes {
     for (std::size_t k = 1; k < entries_.size(); ++k) {
       entries_[k].name = user_keyframe{};
       if (!places_.alive(static_cast<std::int32_t>(k))) continue;
-      numbers_.erase(entries_[k].id);
+      numbers_.erase(entries_[k].id, static_cast<std::int32_t>(k));
       free_lists(entries_[k]);
       places_.give_back(static_cast<std::int32_t>(k));
     }

@@ -72,6 +72,38 @@ template <class Object>
 std::uintptr_t address_of(const std::shared_ptr<Object>& name) {
   return reinterpret_cast<std::uintptr_t>(name.get());
 }
+/// What decides about a point that is to be erased, and has just been found alive: its observations, and their slots.
+/// \param alive  by place, keyframes that were found alive under the guard which the caller still holds; grows
+template <class Map>
+void look_before_erasing(map_copy<Map>& copy, map_point_id p, plain_vector<map_keyframe_id>& alive) {
+  auto& points = copy.points;
+  if (!points.known(p) || !points.alive(p.index)) return;
+  const std::size_t place = copy.at(p);
+  copy.ensure(p);
+  if (!points.alive(p.index)) return;
+  copy.read_list(place, copy.name(p));
+  for (std::size_t n = 0; n < points.lists.of(place).size(); ++n) {
+    const observation o = points.lists.of(place)[n];
+    const map_keyframe_id k = copy.keyframes.at(o.keyframe);
+    const std::size_t at = copy.at(k), i = static_cast<std::size_t>(o.keypoint);
+    if (alive.size() <= at) alive.resize(copy.keyframes.size());
+    if (!(alive[at] == k) || copy.keyframes[at].read == 0) {
+      look_at_slot(copy, k, i);
+      if (copy.keyframes.alive(k.index)) alive[at] = k;
+    } else if (i < copy.keyframes[at].slots.size()) {
+      copy.read_slot(at, i, copy.name(k));
+    }
+  }
+  copy.ensure(p);
+}
+/// Asks memory for what tells whether a point is alive, and its name.
+template <class Map>
+void ask_for_state(map_copy<Map>& copy, map_point_id p) {
+  const std::size_t place = copy.at(p);
+  if (place >= copy.points.size()) return;  // none
+  copy.points.prefetch(p.index);
+  prefetch_line(&copy.points.entries[place]), prefetch_line(&copy.points.names[place]);
+}
 /// Asks memory for the object behind the name of a point, which is mostly a few lines long.
 template <class Map>
 void ask_for(map_copy<Map>& copy, map_point_id p) {

@@ -41,6 +41,7 @@ class mirror_points {
     map_point_id replacement = {};   ///< of a point that is not alive
     std::uint8_t read = 0;           ///< all of it is as it was last seen; 0: to be read anew
     bool described = false;          ///< the user's map has a descriptor of it
+    std::int32_t measurements = -1;  ///< of its list, where that is known
   };
   /// Distances from which the point is to be recognised, m.
   struct range {
@@ -59,7 +60,7 @@ class mirror_points {
   bool alive(std::int32_t place) const { return places_.alive(place); }
   /// Who has a place.
   map_point_id at(std::int32_t place) const { return {place, places_.generation(place)}; }
-  /// The place of an id; id_numbers::none: it has none.
+  /// The place of an id, perhaps of what is no longer alive; id_numbers::none: it has none.
   std::int32_t find(std::uint64_t id) const { return numbers_.find(id); }
   /// Asks memory for what tells whether a point is alive.
   void prefetch(std::int32_t place) const { places_.prefetch(place); }
@@ -99,15 +100,19 @@ class mirror_points {
   }
   /// What has the place is no longer alive, and is called by its replacement until free_merged().
   void retire(std::size_t place, map_point_id replacement) {
-    numbers_.erase(entries[place].id);
     places_.retire(static_cast<std::int32_t>(place));
     entries[place].replacement = replacement;
     merged_.push_back(static_cast<std::int32_t>(place));
     lists.close(place);
   }
-  /// Places that were retired may be taken again.
+  /// Places that were retired may be taken again. Their ids are forgotten here, not when they are retired: the table is large, and
+  /// many together wait less for memory.
   void free_merged() {
-    for (const std::int32_t p : merged_) {
+    constexpr std::size_t ahead = 8;
+    for (std::size_t n = 0; n < merged_.size(); ++n) {
+      if (n + ahead < merged_.size()) numbers_.prefetch(entries[static_cast<std::size_t>(merged_[n + ahead])].id);
+      const std::int32_t p = merged_[n];
+      numbers_.erase(entries[static_cast<std::size_t>(p)].id, p);
       names[static_cast<std::size_t>(p)] = user_point{};
       places_.give_back(p);
     }
@@ -119,7 +124,7 @@ class mirror_points {
     for (std::size_t p = 1; p < entries.size(); ++p) {
       names[p] = user_point{};
       if (!places_.alive(static_cast<std::int32_t>(p))) continue;
-      numbers_.erase(entries[p].id);
+      numbers_.erase(entries[p].id, static_cast<std::int32_t>(p));
       lists.close(p);
       places_.give_back(static_cast<std::int32_t>(p));
     }

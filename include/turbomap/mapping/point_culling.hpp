@@ -33,30 +33,38 @@ map_point_culling_summary cull_recent_points(Map& map, List& recent, std::int64_
   using traits = map_traits<Map>;
   static_assert(require_map_traits<Map>());
   check(options);
-  plain_vector<std::uint8_t> failed(recent.size(), 0);
-  const auto fails = [&](const auto& r, [[maybe_unused]] bool again) {
-    if (!traits::alive(map, r.point)) return false;
-    // Before its views are looked at. A copy has no views that cannot be looked at: what is to be erased is looked at again.
-    if ((!is_copy_v<Map> || again) && !require_consistent(map, r.point, faults)) return false;
+  const auto fails = [&](const auto& r) {
     float found_ratio = 1;
     if constexpr (detail::map_has_v<Map, detail::map_found_member>) found_ratio = traits::found_ratio(map, r.point);
     return fails_probation(
         found_ratio, [&] { return !has_more_measurements(map, r.point, options.fewest_measurements); }, now - r.since,
         options);
   };
-  constexpr unsigned reads = point_data::entry + point_data::views;
-  for_each_ahead<reads>(
-      map, recent.size(), [&](std::size_t i) -> const auto& { return recent[i].point; },
-      [&](std::size_t i, const auto& point) {
-        look_whether_alive(map, point);
-        bool failing = fails(recent[i], false);
-        if (is_copy_v<Map> && failing) {
-          look_again(map, point);
-          failing = fails(recent[i], true);
-        }
-        failed[i] = failing ? 1 : 0;
-      },
-      [&](const auto& point) { ask_for(map, point); });
+  const auto is_sound = [&](const auto& point) { return require_consistent(map, point, faults); };
+  const auto at = [&](std::size_t i) -> const auto& { return recent[i].point; };
+  plain_vector<std::uint8_t> failed(recent.size(), 0);
+  if constexpr (!is_copy_v<Map>) {
+    for_each_ahead<point_data::entry + point_data::views>(
+        map, recent.size(), at, [&](std::size_t i, const auto& point) {
+          failed[i] = traits::alive(map, point) && is_sound(point) && fails(recent[i]) ? 1 : 0;
+        });
+  } else {  // a copy has no views that cannot be looked at: what is to be erased is looked at again
+    plain_vector<std::size_t> failing;
+    for_each_ahead<0>(
+        map, recent.size(), at,
+        [&](std::size_t i, const auto& point) {
+          look_whether_alive(map, point);
+          if (traits::alive(map, point) && fails(recent[i])) failing.push_back(i);
+        },
+        [&](const auto& point) { ask_for_state(map, point); }, [&](const auto& point) { ask_for(map, point); });
+    list_of<typename traits::keyframe> alive;
+    for_each_ahead<static_cast<unsigned>(point_data::views)>(
+        map, failing.size(), [&](std::size_t n) -> const auto& { return at(failing[n]); },
+        [&](std::size_t n, const auto& point) {
+          look_before_erasing(map, point, alive);
+          failed[failing[n]] = traits::alive(map, point) && is_sound(point) && fails(recent[failing[n]]) ? 1 : 0;
+        });
+  }
   map_point_culling_summary summary;
   std::size_t kept = 0;
   for (std::size_t i = 0; i < recent.size(); ++i) {
