@@ -147,6 +147,10 @@ int main(int argc, char** argv) try {
       app.add_flag("--pixel-centres,!--no-pixel-centres", centres,
                    "move recorded keypoints of coarser levels to where they are in the full image, or not; when not "
                    "given, the recording says so or its observations tell (replay mode)");
+  app.add_option("--right-distortion", a.right_distortion,
+                 "distortion of the right fisheye camera instead of the recorded one: k1,k2,k3,k4 (replay mode)")
+      ->delimiter(',')
+      ->expected(4);
   app.add_flag("--check", a.check, "compare every stage with the recorded snapshots; exit status 1 when one differs");
   app.add_option("--stages", stages,
                  "stages to run, separated by commas: "
@@ -261,6 +265,8 @@ int main(int argc, char** argv) try {
   a.imu = chosen(imu, uses_imu), a.pixel_centres = chosen(pixel_centres, centres);
   if (centres && a.check) throw std::invalid_argument("--pixel-centres: not together with --check");
   if (a.error_parts && a.check) throw std::invalid_argument("--error-parts: not together with --check");
+  if (!a.right_distortion.empty() && a.check)
+    throw std::invalid_argument("--right-distortion: not together with --check");
   if (a.check) a.pixel_centres = turbomap_replay::choice::no;
   if (a.check) {
     if (uses_imu) throw std::invalid_argument("--imu: not together with --check");

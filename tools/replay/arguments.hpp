@@ -36,14 +36,15 @@ struct arguments {
   choice imu = choice::by_recording;  ///< the recording's IMU takes part; replay() knows whether. Replay mode
   double imu_noise = 1;               ///< noise densities of the recording's IMU are multiplied by
   choice pixel_centres = choice::by_recording;  ///< recorded keypoints are moved to the full image; likewise
-  std::string without_imu;                      ///< what forbids a recording's IMU where nobody did; empty: nothing
-  std::string work = "replay";                  ///< as the progress bar names it
-  std::vector<std::string> beside;              ///< more policies that the recording is replayed under
-  bool bound = true;                 ///< of a simulated recording: the error of the batch adjustment is computed
-  bool error_parts = false;          ///< ... and what the error of the map comes from
-  bool merge_causes = false;         ///< why points had to be merged is counted. Replay mode
-  bool gather_observations = false;  ///< replay_result::observations is filled
-  bool quiet = false;                ///< of the replays beside the first: nothing is printed, no trajectory judged
+  std::vector<double> right_distortion;  ///< k1 to k4 of the right camera, instead of the recorded ones; empty: those
+  std::string without_imu;               ///< what forbids a recording's IMU where nobody did; empty: nothing
+  std::string work = "replay";           ///< as the progress bar names it
+  std::vector<std::string> beside;       ///< more policies that the recording is replayed under
+  bool bound = true;                     ///< of a simulated recording: the error of the batch adjustment is computed
+  bool error_parts = false;              ///< ... and what the error of the map comes from
+  bool merge_causes = false;             ///< why points had to be merged is counted. Replay mode
+  bool gather_observations = false;      ///< replay_result::observations is filled
+  bool quiet = false;                    ///< of the replays beside the first: nothing is printed, no trajectory judged
   bool check = false;
   /// Stages that are switched on.
   bool point_culling = true, search = true, creation = true, fusion = true, map_update = true;

@@ -279,6 +279,16 @@ inline void perturb(turbomap::recording& recording, std::uint64_t seed) {
     for (float* x : {&T.tx, &T.ty, &T.tz}) *x += static_cast<float>(1e-6 * random.normal());
 }
 
+/// The distortion of the right camera as a calibration tells it. A recording has what the recorded system used.
+inline void set_right_distortion(turbomap::recording_meta& meta, const std::vector<double>& k) {
+  if (!meta.is_fisheye() || meta.camera2.size() != 4 + k.size())
+    throw std::invalid_argument("--right-distortion: the recording has no second fisheye camera");
+  for (std::size_t i = 0; i < k.size(); ++i) {
+    if (!std::isfinite(k[i])) throw std::invalid_argument("--right-distortion: must be finite");
+    meta.camera2[4 + i] = k[i];
+  }
+}
+
 /// Throws bad_file for a recording that cannot be read, std::invalid_argument for an option that is not for one of its kind.
 template <class Policy>
 outcome run(const Policy& policy, const arguments& arguments) {
@@ -288,6 +298,7 @@ outcome run(const Policy& policy, const arguments& arguments) {
   if (arguments.pixel_centres == choice::yes &&
       (recording.is_simulated() || recording.meta.keypoint_pixels == "full_image"))
     throw std::invalid_argument("--pixel-centres: keypoints of this recording are those of the full image");
+  if (!arguments.right_distortion.empty()) set_right_distortion(recording.meta, arguments.right_distortion);
   if (arguments.perturb > 0) perturb(recording, static_cast<std::uint64_t>(arguments.perturb));
   return recording.meta.is_fisheye() ? run_with<turbomap::kannala_brandt<float>>(recording, policy, arguments)
                                      : run_with<turbomap::pinhole<float>>(recording, policy, arguments);

@@ -68,4 +68,20 @@ simulate=$1 replayer=$2
 replay mono known "$work/shaken.tum" --mono
 replay rested known "$work/rested.tum" --mono
 replay fisheye known "$work/shaken.tum" --camera tum-vi
+# Two fisheye cameras of which the right one's distortion is told wrongly: worse, and as recorded where it is told as it is.
+distorted() {
+  "$replayer" "$work/fisheye" --no-bound --right-distortion "$1" --json "$work/distorted.json" >/dev/null
+  grep -o "\"$2\": .*" "$work/distorted.json"
+}
+recorded=$(tr -d ' \n' <"$work/fisheye/meta.json" | sed 's/.*"camera2":\[\([^]]*\)\].*/\1/' | cut -d, -f5-8)
+if [ "$(distorted "$recorded" map_digest)" != "$(grep -o '"map_digest": .*' "$work/fisheye.simple.json")" ]; then
+  echo "imu.sh: another map with the recorded distortion" >&2
+  exit 1
+fi
+{ grep -o '"ate_rmse_m": .*' "$work/fisheye.simple.json"; distorted "0.05,0,0,0" ate_rmse_m; } |
+  awk '{ e[NR] = $2 + 0 } END { if (!(NR == 2 && e[2] > 2 * e[1])) { print "imu.sh: a wrong distortion: " e[1] ", " e[2] >"/dev/stderr"; exit 1 } }'
+if "$replayer" "$work/mono" --right-distortion "$recorded" >/dev/null 2>&1; then
+  echo "imu.sh: one camera has a right one" >&2
+  exit 1
+fi
 replay even unknown corridor --mono --keyframes 40
