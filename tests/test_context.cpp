@@ -3,10 +3,13 @@
 
 // The context and what it is made of: arrays, scratch, uploads, parallel loops, spans, errors.
 
+#include <thrust/for_each.h>
+
 #include <turbomap/context.hpp>
 #include <turbomap/error.hpp>
 
 #include <thrust/execution_policy.h>
+#include <thrust/for_each.h>
 
 #include <atomic>
 #include <cstdint>
@@ -37,6 +40,22 @@ TEST_CASE("a context without a policy is sequential, on the host") {
   int next = 0;
   turbomap::for_each_index(ctx.policy(), 5, [&next](int i) { next = i == next ? next + 1 : -9; });
   CHECK(next == 5);
+}
+
+TEST_CASE("thrust::seq with resources, and Thrust's own algorithms under the policy that its context keeps") {
+  counting_resource resource(std::pmr::new_delete_resource());
+  turbomap::context ctx{thrust::seq, &resource, &resource};
+  static_assert(std::is_same_v<decltype(ctx), turbomap::context<sequential>>);
+  CHECK(ctx.resource() == &resource);
+  CHECK(ctx.staging_resource() == &resource);
+  const turbomap::plain_detail::index_iterator begin(0);
+  int next = 0;
+  thrust::for_each(ctx.policy(), begin, begin + 5, [&next](int i) { next = i == next ? next + 1 : -9; });
+  CHECK(next == 5);
+  auto last = begin + 5;
+  CHECK(*--last == 4);
+  CHECK(begin[3] == 3);
+  CHECK((begin + 3) - begin == 3);
 }
 
 TEST_CASE("thrust::host and thrust::device are policies too") {

@@ -10,13 +10,12 @@
 #include <type_traits>
 #include <utility>
 
-#include <thrust/detail/seq.h>
-
 #include "array.hpp"
 #include "memory.hpp"
 #include "packed_inputs.hpp"
 #include "parallel.hpp"
 #include "plain_vector.hpp"
+#include "sequential_policy.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -108,6 +107,19 @@ class scratch_arena : public scratch_blocks {
   }
 };
 
+namespace detail {
+/// What a context keeps of its policy: the policy, mostly.
+template <class Policy>
+struct kept_policy {
+  using type = Policy;
+};
+/// One that may be named only.
+template <>
+struct kept_policy<thrust::detail::seq_t> {
+  using type = sequential_policy;
+};
+}  // namespace detail
+
 /// An execution policy, its stream and reusable memory. `context ctx;` (sequential on the host, without the headers of
 /// Thrust's other policies, which take longer to compile than a search), `context ctx{thrust::host};`, `{thrust::omp::par}`,
 /// `{thrust::device}`, `{thrust::cuda::par_nosync.on(stream)}`. Not shared between threads; any number may live side by
@@ -115,13 +127,15 @@ class scratch_arena : public scratch_blocks {
 template <class Policy = thrust::detail::seq_t>
 class context {
  public:
-  using policy_type = Policy;               ///< of Thrust
-  using memory_type = memory_of_t<Policy>;  ///< where it computes
+  using policy_type = Policy;                                    ///< of Thrust
+  using kept_type = typename detail::kept_policy<Policy>::type;  ///< the same, or a sequential_policy for thrust::seq
+  using memory_type = memory_of_t<Policy>;                       ///< where it computes
 
   /// \param policy    any Thrust execution policy
   /// \param resource  where scratch and results of this context live; the policy's own memory when not given
   /// \param staging   host memory that calls are packed in before they are sent (pinned for CUDA when not given)
-  explicit context(Policy policy = Policy(), std::pmr::memory_resource* resource = default_resource(memory_type{}),
+  explicit context(kept_type policy = kept_type(),
+                   std::pmr::memory_resource* resource = default_resource(memory_type{}),
                    std::pmr::memory_resource* staging = default_staging_resource(memory_type{}))
       : policy_(std::move(policy)),
         resource_(resource),
@@ -141,8 +155,8 @@ class context {
     if (resource_ != nullptr) wait_quietly();
   }
 
-  /// As it was given.
-  const Policy& policy() const { return policy_; }
+  /// As it was given; for thrust::seq one that does the same.
+  const kept_type& policy() const { return policy_; }
   /// Where scratch and results live.
   std::pmr::memory_resource* resource() const { return resource_; }
   /// Of host memory that copies to and from the policy's memory run from at full rate.
@@ -211,7 +225,7 @@ class context {
     }
   }
 
-  Policy policy_;
+  kept_type policy_;
   std::pmr::memory_resource* resource_;
   std::pmr::memory_resource* staging_resource_;
   scratch_arena<memory_type> scratch_;
@@ -222,6 +236,9 @@ class context {
 /// `context ctx{policy};`
 template <class Policy>
 context(Policy) -> context<Policy>;
+/// With resources.
+template <class Policy>
+context(Policy, std::pmr::memory_resource*, std::pmr::memory_resource* = nullptr) -> context<Policy>;
 
 template <class T>
 struct is_context : std::false_type {};

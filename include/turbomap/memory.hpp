@@ -14,6 +14,7 @@
 
 #include "config.hpp"
 #include "error.hpp"
+#include "sequential_policy.hpp"
 
 #if TURBOMAP_HAS_CUDA
 #include <thrust/system/cuda/detail/execution_policy.h>
@@ -45,6 +46,8 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Host memory, unless the overload for CUDA is chosen. Declared only, for decltype.
 template <class Derived>
 host_memory memory_of(const thrust::execution_policy<Derived>&);
+/// The same of a policy that may be named only.
+host_memory memory_of(const thrust::detail::seq_t&);
 #if TURBOMAP_HAS_CUDA
 template <class Derived>
 device_memory memory_of(const thrust::cuda_cub::execution_policy<Derived>&);

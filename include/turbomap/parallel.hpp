@@ -9,11 +9,10 @@
 #include <cstddef>
 #include <cstring>
 
-#include <thrust/for_each.h>
-#include <thrust/iterator/counting_iterator.h>
-
 #include "config.hpp"
+#include "index_iterator.hpp"
 #include "memory.hpp"
+#include "sequential_policy.hpp"
 
 #if TURBOMAP_HAS_CUDA
 #include "cuda/parallel.cuh"
@@ -37,10 +36,17 @@ struct index_caller {
   void operator()(int i) const { run(f, i); }
 };
 
-/// for_each_index of a host policy.
+/// for_each_index of a host policy. Thrust's own for_each_n() of the policy is found by its argument, as Thrust finds it: the header
+/// that made the policy has it, and none of Thrust's algorithms is included here.
 template <class Policy>
-void call_indices(const Policy& policy, int n, const index_caller& caller) {
-  thrust::for_each_n(policy, thrust::counting_iterator<int>(0), n, caller);
+void call_indices(Policy& policy, int n, const index_caller& caller) {
+  for_each_n(policy, plain_detail::index_iterator(0), n, caller);
+}
+inline void call_indices(sequential_policy&, int n, const index_caller& caller) {
+  for (int i = 0; i < n; ++i) caller(i);
+}
+inline void call_indices(thrust::detail::seq_t&, int n, const index_caller& caller) {
+  for (int i = 0; i < n; ++i) caller(i);
 }
 
 }  // namespace detail

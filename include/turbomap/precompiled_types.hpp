@@ -7,11 +7,10 @@
 /// models, the policy of `context ctx`. A list of one's own is such a file. A macro hands each combination to another macro,
 /// once; a type with a comma in its name needs an alias. precompiled.hpp includes the list.
 
-#include <thrust/detail/seq.h>
-
 #include "camera/kannala_brandt.hpp"
 #include "camera/pinhole.hpp"
 #include "descriptor/binary.hpp"
+#include "sequential_policy.hpp"
 
 #if defined(TURBOMAP_PRECOMPILED)
 

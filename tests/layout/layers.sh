@@ -40,11 +40,13 @@ printf '%s\n' "${files[@]}" | awk -v rules="$here/layers.txt" '
       sub(/\/[^\/]*$/, "", folder)
       from = area_of(path)
       if (from == "") complain(path ": no line of layers.txt is about it")
-      inside = 0
+      inside = thrust = 0
       for (number = 1; (getline line < path) > 0; ++number) {
         if (line ~ /^TURBOMAP_BEGIN_NAMESPACE/) inside = 1
         if (line ~ /^TURBOMAP_END_NAMESPACE/) inside = 0
-        if (path ~ /^include\// && line ~ /^namespace (turbomap::)?detail/ && !inside)
+        if (line ~ /^THRUST_NAMESPACE_BEGIN/) thrust = 1
+        if (line ~ /^THRUST_NAMESPACE_END/) thrust = 0
+        if (path ~ /^include\// && line ~ /^namespace (turbomap::)?detail/ && !inside && !thrust)
           complain(path ":" number ": `detail` belongs into the inline namespace; outside it is `plain_detail`")
         if (path ~ /^include\// && line ~ /^namespace (turbomap::)?plain_detail/ && inside)
           complain(path ":" number ": `plain_detail` belongs outside of the inline namespace")

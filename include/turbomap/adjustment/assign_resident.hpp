@@ -92,7 +92,7 @@ resident_assignment assign_resident(context<Policy>& ctx, Data& data, structure_
   using state = typename Frame::template state<double>;
   auto& kept = std::get<0>(data.groups);
   using camera = typename std::decay_t<decltype(kept.cameras())>::value_type;
-  const Policy& policy = ctx.policy();
+  const auto& policy = ctx.policy();
   adjustment_structure& s = data.structure;
   builder.build_frames(in, s);
   const std::size_t rows = group.frame.size(), n = frames.states.size(), m = landmarks.positions.size();

@@ -50,7 +50,7 @@ class pcg_solver {
   /// Solves the damped system. The host reads inner products in every iteration.
   template <class Policy>
   reduced_step solve(context<Policy>& ctx, const damping& damping) {
-    const Policy& policy = ctx.policy();
+    const auto& policy = ctx.policy();
     const int f = s_.free_frames;
     const std::size_t n = static_cast<std::size_t>(f) * D;
     launch_reduce_blocks<V, D>(policy, s_, {blocks_, r_, 0, false}, damping);

@@ -192,7 +192,7 @@ class levenberg_marquardt {
   trial_step take_step(solver_type& solver, const damping_control& control, double cost, bool ahead) {
     const damping damping{control.lambda, options_.damping == damping_rule::diagonal};
     const schur_view<A>& s = equations_.now().view();
-    const Policy& policy = ctx_.policy();
+    const auto& policy = ctx_.policy();
     reduced_step step = next_step_;
     if (solved_) {
       ++data_.workspace.ahead;

@@ -68,7 +68,7 @@ class motion_only {
       cameras_.push_back(adjustment_camera<Camera>(in.rig[c], options.stereo_correlation));
     const named_range range("adjust_poses");
     ctx.begin_call();
-    const Policy& policy = ctx.policy();
+    const auto& policy = ctx.policy();
     const std::size_t frame_bytes = frames * sizeof(posed_frame);
     auto* const results = ctx.template scratch<std::byte>(frame_bytes + n);
     const auto launch = [&](auto exact, const auto* cameras, const auto* guess, const auto* begin, const auto* point,

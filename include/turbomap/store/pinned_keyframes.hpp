@@ -24,7 +24,7 @@ namespace detail {
 
 /// The policy of a context, or the policy itself.
 template <class Policy>
-const Policy& policy_in(const context<Policy>& ctx) {
+const auto& policy_in(const context<Policy>& ctx) {
   return ctx.policy();
 }
 template <class Policy>
