@@ -43,6 +43,39 @@ void move_count(Map& map, typename map_traits<Map>::point point, int before, int
 
 inline int finer(int a, int b) { return a < 0 ? b : b < 0 ? a : a < b ? a : b; }
 
+/// The keyframe sees the point no longer: if it was its reference, the observer of lowest id is from now on.
+template <class Map>
+void lose_reference(Map& map, typename map_traits<Map>::point point, typename map_traits<Map>::keyframe keyframe) {
+  using traits = map_traits<Map>;
+  if (!(traits::reference(map, point) == keyframe)) return;
+  typename traits::keyframe first{};
+  bool found = false;
+  traits::for_each_observation(map, point, [&](typename traits::keyframe observer, std::size_t) {
+    if (!found || traits::id(map, observer) < traits::id(map, first)) first = observer;
+    found = true;
+  });
+  if (found) traits::set_reference(map, point, first);
+}
+
+/// What a point's views are to one of them.
+struct view_counts {
+  int own = 0;          ///< of the same keyframe, itself too
+  int others = 0;       ///< of other keyframes
+  bool listed = false;  ///< whether it is among them
+};
+/// O(views).
+template <class Map>
+view_counts count_views(const Map& map, typename map_traits<Map>::point point,
+                        typename map_traits<Map>::keyframe keyframe, std::size_t keypoint) {
+  view_counts views;
+  map_traits<Map>::for_each_observation(map, point, [&](typename map_traits<Map>::keyframe k, std::size_t i) {
+    const bool own = k == keyframe;
+    views.own += own ? 1 : 0, views.others += own ? 0 : 1;
+    views.listed = views.listed || (own && i == keypoint);
+  });
+  return views;
+}
+
 }  // namespace detail
 
 /// The live point that a point has become: itself, or what it was merged into, merged again and again; point{} for none. A
@@ -91,15 +124,7 @@ typename map_traits<Map>::point forget(Map& map, typename map_traits<Map>::keyfr
   traits::set_point(map, keyframe, keypoint, none);
   const int after = finest_octave(map, point, keyframe);
   if constexpr (counts_octaves_v<Map>) detail::move_count(map, point, before, after);
-  if (after < 0 && traits::reference(map, point) == keyframe) {
-    typename traits::keyframe first{};
-    bool found = false;
-    traits::for_each_observation(map, point, [&](typename traits::keyframe observer, std::size_t) {
-      if (!found || traits::id(map, observer) < traits::id(map, first)) first = observer;
-      found = true;
-    });
-    if (found) traits::set_reference(map, point, first);
-  }
+  if (after < 0) detail::lose_reference(map, point, keyframe);
   return point;
 }
 
@@ -251,10 +276,23 @@ void erase_keyframe(Map& map, typename map_traits<Map>::keyframe keyframe, int f
   for (std::size_t i = 0; i < count; ++i) {
     const auto point = traits::point_at(map, keyframe, i);
     if (point == typename traits::point{}) continue;
-    if (fade(map, keyframe, i, fewest) || touched == nullptr) continue;
+    const detail::view_counts views = detail::count_views(map, point, keyframe, i);
+    bool seen_yet = false, gone = false;
+    if (views.own == 1 && views.listed) {  // as fade() does it, but the views are counted already
+      [[maybe_unused]] int octave = -1;
+      if constexpr (counts_octaves_v<Map>) octave = keypoint_of(map, keyframe, i).octave;
+      traits::erase_observation(map, point, keyframe, i);
+      traits::set_point(map, keyframe, i, typename traits::point{});
+      detail::move_count(map, point, octave, -1);
+      detail::lose_reference(map, point, keyframe);
+      gone = views.others <= fewest && measurement_count(map, point) <= fewest;
+      if (gone) erase_point(map, point);
+    } else {
+      gone = fade(map, keyframe, i, fewest);
+      seen_yet = !gone && finest_octave(map, point, keyframe) >= 0;  // by another camera of the rig
+    }
     if constexpr (!std::is_null_pointer_v<Touched>)
-      if (finest_octave(map, point, keyframe) < 0)
-        touched->push_back(point);  // else another camera of the rig sees it yet
+      if (touched != nullptr && !gone && !seen_yet) touched->push_back(point);
   }
   traits::erase_keyframe(map, keyframe);
 }

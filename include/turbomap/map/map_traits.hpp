@@ -102,9 +102,10 @@ struct map_traits {
 /// its memory gone. prefetch_line() (prefetch.hpp) does no harm at any address, a read does: prefetch() reads only where it has
 /// checked that it may, for example an array at an index below its size. Of __builtin_prefetch alone g++ leaves nothing.
 enum class point_data : unsigned {
-  entry = 1,      ///< whether it is alive, its position, its reference, where its observations are
-  views = 2,      ///< its observations; `entry` of the same point was asked for some points before
-  appearance = 4  ///< normal, range, descriptor
+  entry = 1,       ///< whether it is alive, its position, its reference, where its observations are
+  views = 2,       ///< its observations; `entry` of the same point was asked for some points before
+  appearance = 4,  ///< normal, range, descriptor
+  octaves = 8      ///< its octave counts
 };
 /// The set of both, as prefetch() of the traits gets it.
 constexpr unsigned operator+(point_data a, point_data b) { return static_cast<unsigned>(a) | static_cast<unsigned>(b); }

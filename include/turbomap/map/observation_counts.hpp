@@ -95,17 +95,16 @@ int measurement_count(const Map& map, typename map_traits<Map>::point point) {
   }
 }
 
-/// Whether measurement_count() is more than `fewest`: keypoints are read until that is known, mostly one or two.
+/// Whether measurement_count() is more than `fewest`. Keypoints are read of points with so few views only: each view is one
+/// measurement at least, and keypoints of other keyframes are far away in memory.
 template <class Map>
 bool has_more_measurements(const Map& map, typename map_traits<Map>::point point, int fewest) {
   using traits = map_traits<Map>;
   if constexpr (detail::map_has_v<Map, detail::map_measurements_member>)
     return traits::kept_measurements(map, point) > fewest;
-  int count = 0;
-  traits::for_each_observation(map, point, [&](typename traits::keyframe observer, std::size_t keypoint) {
-    if (count <= fewest) count += keypoint_of(map, observer, keypoint).u_right >= 0 ? 2 : 1;
-  });
-  return count > fewest;
+  int views = 0;
+  traits::for_each_observation(map, point, [&](typename traits::keyframe, std::size_t) { ++views; });
+  return views > fewest || measurement_count(map, point) > fewest;
 }
 
 TURBOMAP_END_NAMESPACE

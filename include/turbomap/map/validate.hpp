@@ -160,8 +160,8 @@ bool require_consistent_keyframe(const Map& map, typename map_traits<Map>::keyfr
 }
 
 /// Whether a live keyframe can be taken out as erase_keyframe() does it: its slots agree with the points in them, and what else
-/// the removal reads or writes is sound. That is all of a point that is left with `fewest` measurements or fewer; of one that
-/// lives on, the keyframe's own views, that all observers are alive and have the keypoints. By default throws
+/// the removal reads or writes is sound. That is all of a point that is left with `fewest` views or fewer, so may be erased; of one
+/// that lives on, the keyframe's own views, that all observers are alive and have the keypoints. By default throws
 /// inconsistent_map. O(views of its points).
 template <class Map>
 bool require_removable(const Map& map, typename map_traits<Map>::keyframe keyframe, int fewest,
@@ -178,7 +178,7 @@ bool require_removable(const Map& map, typename map_traits<Map>::keyframe keyfra
       return true;
     };
     bool listed = false, suspect = false;
-    int left = 0;
+    int left = 0;  // other views: one measurement each, at least
     if (traits::alive(map, point))
       traits::for_each_observation(map, point, [&](typename traits::keyframe k, std::size_t i) {
         if (k == keyframe)
@@ -187,8 +187,8 @@ bool require_removable(const Map& map, typename map_traits<Map>::keyframe keyfra
           suspect = true;
         else if (i >= keypoint_count_of(map, k))  // any of them may be asked for once the own view is gone
           suspect = true;
-        else if (left <= fewest)
-          left += keypoint_of(map, k, i).u_right >= 0 ? 2 : 1;
+        else
+          ++left;
       });
     if (!listed) sound = require_consistent_slot(map, keyframe, slot, faults) && sound;
     if (traits::alive(map, point) && (suspect || left <= fewest))

@@ -186,6 +186,7 @@ struct map_traits<map_mirror<Map>> {
       prefetch_line(&points(m).positions[i]), prefetch_line(&points(m).entries[i]);
     }
     if (wants(point_data::views)) points(m).lists.prefetch(i);
+    if (wants(point_data::octaves)) prefetch_line(points(m).counts(i));
     if (wants(point_data::appearance)) {
       prefetch_line(&points(m).normals[i]), prefetch_line(&points(m).ranges[i]);
       prefetch_line(points(m).descriptors.data() + i * elements);

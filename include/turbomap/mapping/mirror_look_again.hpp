@@ -134,15 +134,19 @@ void look_at_position(map_copy<Map>& copy, map_point_id p) {
 /// As has_more_measurements(), of all keyframes but one.
 template <class Map>
 bool has_more_measurements_without(map_copy<Map>& copy, std::size_t p, std::int32_t k, int fewest) {
-  int count = 0;
-  for (const observation& o : copy.points.lists.of(p)) {
-    if (o.keyframe == k || o.keyframe == copy.gone) continue;
-    const auto& all = copy.keypoints(static_cast<std::size_t>(o.keyframe));
-    const auto i = static_cast<std::size_t>(o.keypoint);
-    if (i < all.size()) count += all[i].u_right >= 0 ? 2 : 1;
-    if (count > fewest) return true;
-  }
-  return false;
+  const auto is_more = [&](const auto& measurements) {
+    int count = 0;
+    for (const observation& o : copy.points.lists.of(p)) {
+      if (o.keyframe == k || o.keyframe == copy.gone) continue;
+      const auto& all = copy.keypoints(static_cast<std::size_t>(o.keyframe));
+      const auto i = static_cast<std::size_t>(o.keypoint);
+      if (i < all.size()) count += measurements(all, i);
+      if (count > fewest) return true;
+    }
+    return false;
+  };
+  return is_more([](const auto&, std::size_t) { return 1; }) ||  // each view is one at least
+         is_more([](const auto& all, std::size_t i) { return all[i].u_right >= 0 ? 2 : 1; });
 }
 /// All of a keyframe that is to be erased. Points that keep more than `fewest` measurements without it, and their reference, only
 /// lose a view: that their slot holds them is enough. The others are read anew. \return whether anything had changed
@@ -151,8 +155,11 @@ bool look_at_all(map_copy<Map>& copy, map_keyframe_id k, int fewest) {
   using user = map_traits<Map>;
   if (!copy.keyframes.known(k)) return false;
   bool differs = copy.read_keyframe(copy.at(k));
+  constexpr std::size_t ahead = 12;  // slots
   for (std::size_t i = 0; i < copy.keyframes[copy.at(k)].slots.size(); ++i) {
-    const map_point_id p = copy.keyframes[copy.at(k)].slots[i];
+    const auto& slots = copy.keyframes[copy.at(k)].slots;
+    if (i + ahead < slots.size() && !(slots[i + ahead] == map_point_id{})) ask_for(copy, slots[i + ahead]);
+    const map_point_id p = slots[i];
     if (!copy.points.known(p) || !copy.points.alive(p.index)) continue;
     const auto name = copy.name(p);
     const bool read = copy.points.entries[copy.at(p)].read != 0;

@@ -15,6 +15,7 @@
 #include "../map/map_traits.hpp"
 #include "../map/numbering.hpp"
 #include "../map/observation_counts.hpp"
+#include "../map/read_ahead.hpp"
 #include "../plain_vector.hpp"
 #include "../span.hpp"
 #include "../store/keyframe_handle.hpp"
@@ -107,10 +108,9 @@ class redundancy_counter {
       redundancy count;
       const counted_keypoints& counted = keypoints_that_count(map, k, options);
       const std::size_t listed = list(map, k, counted);
+      look_up_stale(map, k, counted, listed, options);
       for (std::size_t n = 0; n < listed; ++n) {
         const auto [i, p] = listed_[n];
-        if (p >= enough_.size()) enough_.resize(p + p / 2 + 16, unknown);
-        if (enough_[p] >= stale) look_up(map, traits::point_at(map, k, counted.keypoints[i]), p, options);
         const std::uint16_t enough = enough_[p];
         count.points += enough != dead ? 1 : 0;
         count.redundant += counted.octaves[i] + options.octave_slack >= enough ? 1 : 0;
@@ -175,6 +175,23 @@ class redundancy_counter {
     }
     return listed;
   }
+  /// Those of the list that are not known. Their counts lie scattered: they are listed first, so that memory is asked ahead.
+  void look_up_stale(const Map& map, const keyframe& k, const counted_keypoints& counted, std::size_t listed,
+                     const keyframe_culling_options& options) {
+    if (stale_.size() < listed) stale_.resize(listed);
+    std::size_t stale_count = 0;
+    for (std::size_t n = 0; n < listed; ++n) {
+      const std::uint32_t p = listed_[n].point;
+      if (p >= enough_.size()) enough_.resize(p + p / 2 + std::size_t{16}, unknown);
+      stale_[stale_count] = listed_[n];
+      stale_count += enough_[p] >= stale ? std::size_t{1} : 0;
+    }
+    for_each_ahead<static_cast<unsigned>(point_data::octaves)>(
+        map, stale_count, [&](std::size_t n) { return traits::point_at(map, k, counted.keypoints[stale_[n].entry]); },
+        [&](std::size_t n, const point& p) {
+          if (enough_[stale_[n].point] >= stale) look_up(map, p, stale_[n].point, options);
+        });
+  }
   void look_up(const Map& map, const point& p, std::uint32_t index, const keyframe_culling_options& options) {
     if (enough_[index] == unknown) known_.push_back(index);
     enough_[index] = dead;
@@ -185,7 +202,7 @@ class redundancy_counter {
 
   plain_vector<std::uint16_t> enough_;  ///< by index of the point
   plain_vector<std::uint32_t> known_;   ///< indices; scratch where nothing is kept
-  plain_vector<view> listed_;
+  plain_vector<view> listed_, stale_;   ///< of one keyframe
   const handle_table* stored_ = nullptr;
   std::vector<counted_keypoints> remembered_;  ///< by place in the store
   counted_keypoints passing_;                  ///< of a keyframe that is not in the store

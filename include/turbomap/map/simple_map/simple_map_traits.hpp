@@ -85,6 +85,7 @@ struct map_traits<simple_map<Descriptor, Camera>> {
       prefetch_line(&m.positions_[i]), prefetch_line(&m.points_[i]);
     }
     if (wants(point_data::views)) m.observations_.prefetch(i);
+    if (wants(point_data::octaves)) prefetch_line(m.counts_.data() + i * m.levels_);
     if (wants(point_data::appearance)) {
       prefetch_line(&m.normals_[i]), prefetch_line(&m.ranges_[i]);
       prefetch_line(m.descriptors_.data() + i * map::elements);
