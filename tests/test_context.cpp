@@ -3,10 +3,9 @@
 
 // The context and what it is made of: arrays, scratch, uploads, parallel loops, spans, errors.
 
-#include <thrust/for_each.h>
-
 #include <turbomap/context.hpp>
 #include <turbomap/error.hpp>
+#include <turbomap/index_iterator.hpp>
 
 #include <thrust/execution_policy.h>
 #include <thrust/for_each.h>

@@ -9,6 +9,7 @@
 #include <string>
 
 #include <thrust/execution_policy.h>
+#include <thrust/for_each.h>
 #include <thrust/system/cpp/execution_policy.h>
 #if defined(TURBOMAP_WITH_OPENMP)
 #include <thrust/system/omp/execution_policy.h>

@@ -171,9 +171,8 @@ int main(int argc, char** argv) try {
       ->check(CLI::NonNegativeNumber);
   std::string preset = "default";
   app.add_option("--preset", preset,
-                 "balanced: options for a trajectory near the bound, --points uncertain, and unless another is given "
-                 "--global-adjustment end; accurate: the most exact one, and unless others are given --global-rounds 3 "
-                 "too (replay mode)")
+                 "balanced: options for a trajectory near the bound; accurate: the most exact ones; both with --points "
+                 "uncertain, and unless others are given --global-adjustment end and --global-rounds 3 (replay mode)")
       ->check(CLI::IsMember({"default", "balanced", "accurate"}));
   std::string global;
   app.add_option("--global-adjustment", global,

@@ -108,12 +108,12 @@ class scratch_arena : public scratch_blocks {
 };
 
 namespace detail {
-/// What a context keeps of its policy: the policy, mostly.
+/// What a context keeps of its policy: the policy itself, but for thrust::seq, whose type may be incomplete here.
 template <class Policy>
 struct kept_policy {
   using type = Policy;
 };
-/// One that may be named only.
+/// Of thrust::seq.
 template <>
 struct kept_policy<thrust::detail::seq_t> {
   using type = sequential_policy;

@@ -46,7 +46,7 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Host memory, unless the overload for CUDA is chosen. Declared only, for decltype.
 template <class Derived>
 host_memory memory_of(const thrust::execution_policy<Derived>&);
-/// The same of a policy that may be named only.
+/// The same of thrust::seq, whose type may be incomplete here.
 host_memory memory_of(const thrust::detail::seq_t&);
 #if TURBOMAP_HAS_CUDA
 template <class Derived>

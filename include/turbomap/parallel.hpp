@@ -36,8 +36,8 @@ struct index_caller {
   void operator()(int i) const { run(f, i); }
 };
 
-/// for_each_index of a host policy. Thrust's own for_each_n() of the policy is found by its argument, as Thrust finds it: the header
-/// that made the policy has it, and none of Thrust's algorithms is included here.
+/// for_each_index of a host policy. Thrust's own for_each_n() of the policy is found by its argument, as Thrust finds it; none of
+/// Thrust's algorithms is included here. Who makes the policy includes the header of its loops, as <thrust/execution_policy.h>.
 template <class Policy>
 void call_indices(Policy& policy, int n, const index_caller& caller) {
   for_each_n(policy, plain_detail::index_iterator(0), n, caller);
@@ -45,8 +45,9 @@ void call_indices(Policy& policy, int n, const index_caller& caller) {
 inline void call_indices(sequential_policy&, int n, const index_caller& caller) {
   for (int i = 0; i < n; ++i) caller(i);
 }
-inline void call_indices(thrust::detail::seq_t&, int n, const index_caller& caller) {
-  for (int i = 0; i < n; ++i) caller(i);
+inline void call_indices(thrust::detail::seq_t& policy, int n, const index_caller& caller) {
+  sequential_policy same(policy);
+  call_indices(same, n, caller);
 }
 
 }  // namespace detail

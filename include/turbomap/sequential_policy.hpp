@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// What runs under thrust::seq: one thread, on the host. Its type is only named here, since its header alone takes 0.7 s to compile with
-/// the Thrust of CUDA 13; who passes it includes that.
+/// The policy that a context of thrust::seq keeps: one thread, on the host. The type of thrust::seq is only named here, since its
+/// header brings some hundreds of others with the Thrust of CUDA 13; who passes it includes that.
 
 #include <thrust/system/detail/sequential/execution_policy.h>
 

@@ -35,7 +35,7 @@ turbomap::keyframe_handle insert_thinned(Store& store, const turbomap::recording
   const auto descriptors = recording.descriptors(i);
   std::vector<turbomap::keypoint> keypoints;
   std::vector<std::decay_t<decltype(*descriptors.data())>> kept;
-  const bool crowded = keep > crowd;
+  const bool crowded = keep > crowd && !all.empty();
   const std::size_t count = crowded ? keep : std::min(keep, all.size());
   std::mt19937 random(static_cast<std::uint32_t>(i));
   const auto aside = [&] { return static_cast<float>(random() % 2001) / 50 - 20; };  // within 20 px

@@ -4,7 +4,7 @@
 
 /// \file
 /// A map of objects (objects_map.hpp) with an IMU, and its inertial_traits: what a simple_inertial_map is beside a simple_map. The
-/// two make the same map to the last bit.
+/// two make the same map, with TURBOMAP_REPRODUCIBLE to the last bit.
 
 #include <memory>
 #include <optional>

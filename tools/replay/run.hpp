@@ -284,7 +284,9 @@ inline void set_right_distortion(turbomap::recording_meta& meta, const std::vect
   if (!meta.is_fisheye() || meta.camera2.size() != 4 + k.size())
     throw std::invalid_argument("--right-distortion: the recording has no second fisheye camera");
   for (std::size_t i = 0; i < k.size(); ++i) {
-    if (!std::isfinite(k[i])) throw std::invalid_argument("--right-distortion: must be finite");
+    if (!std::isfinite(k[i]))
+      throw std::invalid_argument("--right-distortion: k" + std::to_string(i + 1) + " = " + std::to_string(k[i]) +
+                                  " must be finite");
     meta.camera2[4 + i] = k[i];
   }
 }

@@ -103,8 +103,10 @@ if [ "$3" = seq ]; then
   digest() {
     "$@" --no-bound --preset balanced --json "$json" >/dev/null && sed -n 's/^ *"map_digest": "\(.*\)",*$/\1/p' "$json"
   }
-  without=$(digest "$1" "$2" --global-rounds 0) three=$(digest "$1" "$2" --global-rounds 3) preset=$(digest "$1" "$2")
-  if [ -z "$preset" ] || [ "$preset" != "$three" ] || [ "$preset" = "$without" ]; then
+  without=$(digest "$1" "$2" --global-rounds 0)
+  three=$(digest "$1" "$2" --global-rounds 3)
+  preset=$(digest "$1" "$2")
+  if [ -z "$without" ] || [ -z "$preset" ] || [ "$preset" != "$three" ] || [ "$preset" = "$without" ]; then
     echo "demo.sh: --preset balanced: the map is $preset, with three rounds $three, with none $without" >&2
     exit 1
   fi

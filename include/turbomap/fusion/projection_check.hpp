@@ -11,6 +11,7 @@
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../math/functions.hpp"
+#include "../math/number_checks.hpp"
 #include "../store/argument_checks.hpp"
 #include "projection_options.hpp"
 

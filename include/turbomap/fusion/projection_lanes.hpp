@@ -30,7 +30,8 @@ class projection_lanes {
   projection_lanes(const projection_view<Descriptor, Camera>& search, const projection_camera& camera)
       : search_(search), camera_(camera), view_(search.keyframes[camera.of.target]) {
     const Camera& model = view_.cameras[camera.of.camera].camera;
-    straight_ = as_pinhole(model, K_);
+    straight_ =
+        may_be_pinhole_v<Camera> && as_pinhole(model, K_);  // what another model calls equivalent is for its curves
     round_ = !straight_ && as_kannala_brandt(model, fisheye_);
     const auto& T = camera.T_cw;
     for (int i = 0; i < 9; ++i) R_[i] = lane(T.R.m[i].value);

@@ -60,11 +60,13 @@ inline void check_sample(const argument_name& name, const imu_sample& s, const p
   check_measurement(name, ".acceleration", s.acceleration, o.acceleration_range);
 }
 
+/// \param member  of what has the name, such as ".bias"; nothing: the bias itself has it
 template <class S>
-void check_bias(const argument_name& name, const imu_bias<S>& b) {
+void check_bias(const argument_name& name, const imu_bias<S>& b, const char* member = "") {
   const auto sum = [](const vec3<S>& v) { return static_cast<double>(v.x + v.y + v.z); };
-  if (!is_finite(sum(b.gyro))) reject(name + ".gyro", sum(b.gyro), "must be finite");
-  if (!is_finite(sum(b.acceleration))) reject(name + ".acceleration", sum(b.acceleration), "must be finite");
+  if (!is_finite(sum(b.gyro))) reject((name + member).append(".gyro"), sum(b.gyro), "must be finite");
+  if (!is_finite(sum(b.acceleration)))
+    reject((name + member).append(".acceleration"), sum(b.acceleration), "must be finite");
 }
 
 /// Throws std::invalid_argument where an interval cannot be integrated: its samples are not there, do not increase in

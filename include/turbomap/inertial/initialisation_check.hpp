@@ -38,7 +38,7 @@ inline void check_initialisation_options(const initialisation_options& o) {
 inline void check_motion(std::size_t i, const preintegration<double>& p) {
   const argument_name motion("motion", i);
   if (!(p.dt >= 0 && is_finite(p.dt))) reject(motion + ".dt", p.dt, "must be finite and not negative");
-  check_bias((motion + ".bias").c_str(), p.bias);
+  check_bias(motion, p.bias, ".bias");
   const double sum = sum_of_elements(p);
   if (!is_finite(sum)) reject(motion.text(), sum, "must hold finite numbers");
 }

@@ -16,6 +16,7 @@
 #include "../map/map_edit.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/validate.hpp"
+#include "../math/number_checks.hpp"
 #include "../plain_vector.hpp"
 #include "../store/argument_checks.hpp"
 #include "adjustment_window.hpp"

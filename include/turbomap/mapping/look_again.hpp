@@ -54,12 +54,12 @@ void look_before_erasing([[maybe_unused]] const Map& map, [[maybe_unused]] const
                          [[maybe_unused]] List& alive) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::look_before_erasing(map, point, alive);
 }
-/// Asks memory for what tells whether a point is alive, and ...
+/// Asks memory for what tells whether a point is alive.
 template <class Map>
 void ask_for_state([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::ask_for_state(map, point);
 }
-/// ... for what the user's map has of it, which is looked at soon: the name should be there by then.
+/// Asks memory for what the user's map has of a point that is looked at soon. Its name should be there by then.
 template <class Map>
 void ask_for([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::ask_for(map, point);

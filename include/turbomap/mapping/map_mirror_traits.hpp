@@ -227,10 +227,11 @@ struct map_traits<map_mirror<Map>> {
   }
   static void add_observation(mirror& m, point p, keyframe k, std::size_t i) {
     points(m).lists.reserve(at(p), 1);
-    user::add_observation(m.map(), m.name(p), m.name(k), i);
     const observation o{k.index, static_cast<std::int32_t>(i)};
+    const int more = of(m, p).measurements >= 0 ? m.copy().measurements_of(o) : 0;  // may read, so throw
+    user::add_observation(m.map(), m.name(p), m.name(k), i);
     points(m).lists.add(at(p), o);
-    if (of(m, p).measurements >= 0) of(m, p).measurements += m.copy().measurements_of(o);
+    if (of(m, p).measurements >= 0) of(m, p).measurements += more;
   }
   static void erase_observation(mirror& m, point p, keyframe k, std::size_t i) {
     user::erase_observation(m.map(), m.name(p), m.name(k), i);

@@ -103,6 +103,7 @@ class mirror_points {
     places_.retire(static_cast<std::int32_t>(place));
     entries[place].replacement = replacement;
     merged_.push_back(static_cast<std::int32_t>(place));
+    entries[place].measurements = 0;
     lists.close(place);
   }
   /// Places that were retired may be taken again. Their ids are forgotten here, not when they are retired: the table is large, and

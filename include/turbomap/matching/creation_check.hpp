@@ -9,6 +9,7 @@
 
 #include "../config.hpp"
 #include "../error.hpp"
+#include "../math/number_checks.hpp"
 #include "../store/argument_checks.hpp"
 #include "creation_plan.hpp"
 

@@ -10,6 +10,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
+#include "../math/number_checks.hpp"
 #include "../span.hpp"
 #include "../store/argument_checks.hpp"
 #include "../store/posed_keyframe.hpp"

@@ -40,7 +40,7 @@ class shared_tiles {
     begin = end;
     const int first = lists_.before[begin], all = lists_.before[count_];
     while (end < count_ && all - lists_.before[end] > room && lists_.before[end + 1] - first <= room) ++end;
-    if (end == begin || all - first <= room) end = count_;
+    if (end == begin) end = count_;  // nothing was taken: all that is left fits
   }
   /// Goes back from `begin`: so many of the columns before it as there is room for.
   __device__ void retreat(int room) {

@@ -16,7 +16,6 @@
 
 #include "../../config.hpp"
 #include "../../cuda/warp.cuh"
-#include "../../math/functions.hpp"
 #include "../../parallel.hpp"
 #include "../solve_dense.hpp"
 #include "invert_factor.cuh"
@@ -207,6 +206,7 @@ __global__ void __launch_bounds__(Tuning::threads) solve_dense_kernel(dense_equa
     for (int p = tiles.begin - 1; p < tiles.end; ++p) {  // the first time, only the diagonal of the first column
       if (p >= tiles.begin) {
         if (!good[p % 2]) {
+          __pipeline_wait_prior(0);  // nothing is still being copied when the block ends
           if (thread == 0) *s.solved = 0;
           return;
         }

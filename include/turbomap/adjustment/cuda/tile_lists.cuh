@@ -65,12 +65,7 @@ __device__ inline void list_tiles(const int* filled, int count, tile_lists& list
     const unsigned columns = __ballot_sync(whole_warp, (mine >> i & 1) != 0);
     if (lane == 0) lists.left[i] = columns;
   }
-  int sum = lane < count ? __popc(mine) + 1 : 0;
-  for (int step = 1; step < warp_size; step *= 2) {
-    const int other = __shfl_up_sync(whole_warp, sum, step);
-    if (lane >= step) sum += other;
-  }
-  lists.before[lane + 1] = sum;
+  lists.before[lane + 1] = sum_up_to_lane(lane < count ? __popc(mine) + 1 : 0);
   if (lane == 0) lists.before[0] = 0;
   for (int k = 0; mine != 0; ++k, mine &= mine - 1) lists.row[lane][k] = static_cast<unsigned char>(__ffs(mine) - 1);
   __syncwarp();

@@ -91,8 +91,8 @@ struct frame_factor_tuning {
 };
 
 /// launch_solve_dense: a block of 16 warps, a warp per tile. Systems of up to `unknowns` (25 frames of 15, 64 of 6); larger ones
-/// the host solves. The tiles fit the shared memory of a block for up to 224 unknowns where it has 227 KiB, 192 where it has 163,
-/// 144 where it has 99, 112 where it has 64; larger systems are taken in parts.
+/// the host solves. The tiles of a full system fit the shared memory of a block for up to 224 unknowns where it has 227 KiB, 192
+/// where it has 163, 144 where it has 99, 112 where it has 64; larger systems are taken in parts.
 struct solve_dense_tuning {
   static constexpr int threads = 512;   ///< per block
   static constexpr int unknowns = 384;  ///< the most that a block solves
