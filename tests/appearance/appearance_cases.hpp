@@ -145,8 +145,8 @@ void check_update(const Policy& policy, const test_rig<Camera>& rig, unsigned se
   const observed_points points = observe_anything(keyframes, seed);
   const int bounds[]{0, 64, 5, 16};
   int bound = 0;
-  for (const auto [descriptors, geometry] :
-       {std::array{true, true}, std::array{true, false}, std::array{false, true}, std::array{true, true}}) {
+  for (const auto [descriptors, geometry] : {std::array<bool, 2>{true, true}, std::array<bool, 2>{true, false},
+                                             std::array<bool, 2>{false, true}, std::array<bool, 2>{true, true}}) {
     turbomap::appearance_options options;
     options.most_views = bounds[bound++];
     options.scales = s.scales(), options.descriptors = descriptors, options.geometry = geometry;

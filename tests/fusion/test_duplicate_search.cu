@@ -67,8 +67,8 @@ TEST_CASE("points on the threshold") {
 }
 TEST_CASE("nothing to do, and very little") {
   const stream on;
-  for (const auto& [targets, points, clutter] :
-       {std::array{0, 0, 0}, std::array{3, 0, 50}, std::array{1, 1, 0}, std::array{1, 65, 0}}) {
+  for (const auto& [targets, points, clutter] : {std::array<int, 3>{0, 0, 0}, std::array<int, 3>{3, 0, 50},
+                                                 std::array<int, 3>{1, 1, 0}, std::array<int, 3>{1, 65, 0}}) {
     duplicate_recipe recipe = seeded(170);
     recipe.targets = targets, recipe.points = points, recipe.clutter = clutter;
     CHECK(check_scenes(on.policy(), pinhole_rig(50), recipe).differences == 0);

@@ -36,7 +36,8 @@ TEST_CASE("gate and ratio, points that are not exact, real descriptors, little t
   duplicate_recipe uncertain = crowded(200);
   uncertain.uncertain = 0.7, uncertain.not_finite = 0.2;
   check_duplicate_tally(check_projection_scenes(on.policy(), std::vector{mixed_rig()}, uncertain, {}), 5, 0.01);
-  for (const auto& [targets, points, clutter] : {std::array{0, 0, 0}, std::array{1, 1, 0}, std::array{1, 65, 0}}) {
+  for (const auto& [targets, points, clutter] :
+       {std::array<int, 3>{0, 0, 0}, std::array<int, 3>{1, 1, 0}, std::array<int, 3>{1, 65, 0}}) {
     duplicate_recipe recipe = crowded(100);
     recipe.targets = targets, recipe.points = points, recipe.clutter = clutter;
     CHECK(check_projection_scenes(on.policy(), std::vector{pinhole_rig(50)}, recipe, wide()).differences == 0);

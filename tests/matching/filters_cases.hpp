@@ -9,6 +9,7 @@
 #include <turbomap/matching/filters.hpp>
 #include <turbomap/matching/given_correspondences.hpp>
 
+#include <array>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -225,8 +226,8 @@ void check_one_to_one_edges() {
 template <class Policy>
 void check_empty_filters() {
   const Policy policy{};
-  for (const auto [query, neighbours, keypoints] :
-       {std::array{0, 3, 50}, std::array{50, 0, 50}, std::array{50, 3, 0}, std::array{50, 3, 50}}) {
+  for (const auto [query, neighbours, keypoints] : {std::array<int, 3>{0, 3, 50}, std::array<int, 3>{50, 0, 50},
+                                                    std::array<int, 3>{50, 3, 0}, std::array<int, 3>{50, 3, 50}}) {
     scene_recipe recipe;
     recipe.query_keypoints = query, recipe.neighbours = neighbours, recipe.neighbour_keypoints = keypoints;
     const scene<orb, pinhole_camera> s(pinhole_rig(50), recipe);

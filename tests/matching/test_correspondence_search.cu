@@ -7,6 +7,7 @@
 
 #include <thrust/system/cuda/execution_policy.h>
 
+#include <array>
 #include <atomic>
 #include <memory>
 
@@ -90,8 +91,9 @@ TEST_CASE("nothing to do, and very little") {
   const stream on;
   tally t;
   for (const auto [query, neighbours, keypoints] :
-       {std::array{0, 3, 50}, std::array{50, 0, 50}, std::array{50, 3, 0}, std::array{0, 0, 0}, std::array{1, 1, 1},
-        std::array{1, 5, 40}, std::array{40, 2, 1}}) {
+       {std::array<int, 3>{0, 3, 50}, std::array<int, 3>{50, 0, 50}, std::array<int, 3>{50, 3, 0},
+        std::array<int, 3>{0, 0, 0}, std::array<int, 3>{1, 1, 1}, std::array<int, 3>{1, 5, 40},
+        std::array<int, 3>{40, 2, 1}}) {
     scene_recipe recipe;
     recipe.query_keypoints = query, recipe.neighbours = neighbours, recipe.neighbour_keypoints = keypoints;
     scene<orb, pinhole_camera> s(pinhole_rig(50), recipe);
