@@ -13,7 +13,6 @@
 
 #include "../../config.hpp"
 #include "../../cuda/warp.cuh"
-#include "../solve_dense.hpp"
 #include "tile_lists.cuh"
 #include "tile_products.cuh"
 
@@ -21,11 +20,17 @@ TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
-/// A tile where it lies in device memory.
-__device__ inline resident_tile tile_in_memory(const dense_equations& s, int i, int j) {
-  const int row = i * tile_width, column = j * tile_width;
-  return {s.S + static_cast<std::ptrdiff_t>(column) * s.stride + row, s.stride, s.n - row, s.n - column, i == j};
-}
+/// A symmetric matrix in device memory: its lower triangle, column by column.
+struct resident_matrix {
+  double* data;
+  int stride;  ///< numbers from a column to the next
+  int n;       ///< rows, columns
+
+  __device__ resident_tile tile(int i, int j) const {
+    const int row = i * tile_width, column = j * tile_width;
+    return {data + static_cast<std::ptrdiff_t>(column) * stride + row, stride, n - row, n - column, i == j};
+  }
+};
 
 /// Columns [begin, end) of the lower triangle of tiles, one after the other, each from its diagonal down.
 class shared_tiles {
@@ -57,10 +62,10 @@ class shared_tiles {
 
   /// One warp begins to copy a tile there, see __pipeline_commit(). What is above the diagonal becomes 0, what is beyond the
   /// matrix an identity.
-  __device__ static void load(const dense_equations& s, int i, int j, const shared_tile& to) {
+  __device__ static void load(const resident_matrix& s, int i, int j, const shared_tile& to) {
     const int lane = static_cast<int>(threadIdx.x) % warp_size, r = lane % tile_width, c = lane / tile_width;
     const int row = i * tile_width + r;
-    const double* const from = s.S + static_cast<std::ptrdiff_t>(j * tile_width + c) * s.stride + row;
+    const double* const from = s.data + static_cast<std::ptrdiff_t>(j * tile_width + c) * s.stride + row;
     const auto begin_copy = [&](int k) {
       __pipeline_memcpy_async(to.at(r, c + k), from + static_cast<std::ptrdiff_t>(k) * s.stride, sizeof(double));
     };
@@ -80,7 +85,7 @@ class shared_tiles {
   }
   /// One warp begins to copy tile `first` of them and every `step`-th after it: two groups, those of the first `soon` columns and
   /// the rest.
-  __device__ void load(const dense_equations& s, int soon, int first, int step) const {
+  __device__ void load(const resident_matrix& s, int soon, int first, int step) const {
     bool rest = false;
     lists_.for_each(begin, end, first, step, [&](int i, int j) {
       if (!rest && j >= begin + soon) rest = true, __pipeline_commit();
@@ -90,11 +95,11 @@ class shared_tiles {
     __pipeline_commit();
   }
   /// One warp copies such tiles back to where they lie.
-  __device__ void store(const dense_equations& s, int first, int step) const {
+  __device__ void store(const resident_matrix& s, int first, int step) const {
     const int lane = static_cast<int>(threadIdx.x) % warp_size, r = lane % tile_width;
     lists_.for_each(begin, end, first, step, [&](int i, int j) {
       const shared_tile from = tile(i, j);
-      const resident_tile to = tile_in_memory(s, i, j);
+      const resident_tile to = s.tile(i, j);
 #pragma unroll 2
       for (int k = lane / tile_width; k < tile_width; k += 2) to.store(r, k, from.load(r, k));
     });

@@ -119,12 +119,12 @@ __device__ inline void subtract_columns(const shared_tiles& tiles, const tile_li
 }
 
 /// The columns go back to where they lie, and their products are subtracted from the tiles behind them. One warp of `warps`.
-__device__ inline void subtract_part(const dense_equations& s, const shared_tiles& tiles, const tile_lists& lists,
+__device__ inline void subtract_part(const resident_matrix& s, const shared_tiles& tiles, const tile_lists& lists,
                                      int count, int warp, int warps) {
   tiles.store(s, warp, warps);
   lists.for_each(tiles.end, count, warp, warps, [&](int i, int j) {
     const unsigned columns = lists.common(i, j, tiles.begin, tiles.end);
-    if (columns != 0) subtract_products(tiles, columns, i, j, tile_in_memory(s, i, j));
+    if (columns != 0) subtract_products(tiles, columns, i, j, s.tile(i, j));
   });
 }
 
@@ -185,6 +185,7 @@ __global__ void __launch_bounds__(Tuning::threads) solve_dense_kernel(dense_equa
   const int count = (s.n + width - 1) / width, padded = count * width;
   double* const y = solve_dense_memory;
   double* const diagonal = y + padded;
+  const resident_matrix matrix{s.S, s.stride, s.n};
   shared_tiles tiles(diagonal + padded, lists, count);
   for (int i = thread; i < padded; i += threads) {
     y[i] = i < s.n ? s.x[unordered(s, i)] : 0;
@@ -193,14 +194,14 @@ __global__ void __launch_bounds__(Tuning::threads) solve_dense_kernel(dense_equa
   for (;;) {
     // All wait for this tile: it is the first to be loaded.
     if (warp == 0) {
-      shared_tiles::load(s, tiles.end, tiles.end, tiles.first_tile());
+      shared_tiles::load(matrix, tiles.end, tiles.end, tiles.first_tile());
       __pipeline_commit();
     } else if (warp == 1 && tiles.end == 0)
       list_tiles(filled, count, lists);
     if (tiles.end == 0) __syncthreads();
     tiles.advance(room);
     if (warp != 0)
-      tiles.load(s, 3, warp, warps - 1);  // a column is changed two steps before its turn: three are needed now
+      tiles.load(matrix, 3, warp, warps - 1);  // a column is changed two steps before its turn: three are needed now
     __pipeline_wait_prior(warp == 0 ? 0 : 1);
     __syncwarp();
     for (int p = tiles.begin - 1; p < tiles.end; ++p) {  // the first time, only the diagonal of the first column
@@ -240,14 +241,14 @@ __global__ void __launch_bounds__(Tuning::threads) solve_dense_kernel(dense_equa
       __syncthreads();
     }
     if (tiles.end == count) break;
-    subtract_part(s, tiles, lists, count, warp, warps);
+    subtract_part(matrix, tiles, lists, count, warp, warps);
     __syncthreads();
   }
   for (;;) {
     substitute_back(tiles, lists, count, y, warp, warps);
     if (tiles.begin == 0) break;
     tiles.retreat(room);
-    tiles.load(s, 0, warp, warps);
+    tiles.load(matrix, 0, warp, warps);
     __pipeline_wait_prior(0);
     __syncthreads();
   }
@@ -258,6 +259,7 @@ __global__ void __launch_bounds__(Tuning::threads) solve_dense_kernel(dense_equa
 template <class Derived>
 bool launch_solve_dense(const thrust::cuda_cub::execution_policy<Derived>& policy, const dense_equations& s) {
   static_assert(solve_dense_tuning::unknowns < dense_equations::most_tiles * detail::tile_width);
+  static_assert(detail::tile_lists::most == dense_equations::most_tiles);
   if (s.n <= 0 || s.n > solve_dense_tuning::unknowns) return false;
   // Bytes of shared memory that are not dynamic.
   constexpr int of_kernel = 64 + sizeof(detail::tile_lists) + 8 * warp_size * sizeof(double);

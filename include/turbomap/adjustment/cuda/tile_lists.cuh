@@ -9,7 +9,6 @@
 
 #include "../../config.hpp"
 #include "../../cuda/warp.cuh"
-#include "../solve_dense.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -17,9 +16,9 @@ namespace detail {
 
 /// In shared memory.
 struct tile_lists {
-  static constexpr int most = dense_equations::most_tiles;
-  unsigned below[most];           ///< by column of tiles: a bit per row below the diagonal
-  unsigned left[most];            ///< by row of tiles: a bit per column left of the diagonal
+  static constexpr int most = warp_size;  // a lane per column, a bit per row
+  unsigned below[most];                   ///< by column of tiles: a bit per row below the diagonal
+  unsigned left[most];                    ///< by row of tiles: a bit per column left of the diagonal
   int before[most + 1];           ///< by column: how many tiles the columns before it have, with their diagonals
   unsigned char row[most][most];  ///< the rows of below[column], ascending
 
