@@ -39,9 +39,10 @@ inline constexpr bool is_pinhole_v = false;
 /// A pinhole is one.
 template <class T>
 inline constexpr bool is_pinhole_v<pinhole<T>> = true;
-/// Any camera may be one if it can hold one; as_pinhole() tells.
+/// Models of which some camera may be a pinhole.
 template <class Camera>
 inline constexpr bool may_be_pinhole_v = is_pinhole_v<Camera>;
+/// Any camera may be one if it can hold one; as_pinhole() tells.
 template <class... Cameras>
 inline constexpr bool may_be_pinhole_v<any_camera<Cameras...>> = (is_pinhole_v<Cameras> || ...);
 /// Models of which some camera may be a Kannala-Brandt one.
