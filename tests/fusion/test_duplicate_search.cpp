@@ -7,6 +7,8 @@
 
 #include <thrust/execution_policy.h>
 
+#include <array>
+
 #include "duplicate_cases.hpp"
 #include "support/policies.hpp"
 

@@ -7,6 +7,7 @@
 
 #include <thrust/execution_policy.h>
 
+#include <array>
 #include <functional>
 #include <string>
 

@@ -7,6 +7,8 @@
 
 #include <thrust/system/cuda/execution_policy.h>
 
+#include <array>
+
 #include "projection_cases.hpp"
 #include "support/stream.cuh"
 

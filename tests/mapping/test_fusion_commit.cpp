@@ -11,6 +11,7 @@
 #include <turbomap/map/validate.hpp>
 #include <turbomap/mapping/fusion_commit.hpp>
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <random>

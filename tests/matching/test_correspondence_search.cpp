@@ -7,6 +7,8 @@
 
 #include <thrust/execution_policy.h>
 
+#include <array>
+
 #include "matching_cases.hpp"
 #include "support/policies.hpp"
 

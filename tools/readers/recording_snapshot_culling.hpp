@@ -5,6 +5,7 @@
 /// \file
 /// The recorded culling of keyframes of one iteration: the state that it read, its counts and its decisions.
 
+#include <array>
 #include <cstdint>
 #include <vector>
 

@@ -7,6 +7,7 @@
 /// current keyframe, and its covisibility, from the recorded observations.
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <map>

@@ -5,6 +5,7 @@
 /// \file
 /// The cameras that a simulated keyframe is seen with: one pinhole, a rectified pinhole pair, or two fisheye cameras.
 
+#include <array>
 #include <cmath>
 #include <string>
 #include <variant>

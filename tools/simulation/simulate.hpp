@@ -6,6 +6,7 @@
 /// A simulated recording of local mapping, with the truth: scene, motion, keypoints, tracking, drift, inertial data.
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <functional>

@@ -5,6 +5,7 @@
 
 #include "readers/recording_snapshot.hpp"
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <string>

@@ -7,6 +7,7 @@
 #include <turbomap/io/recording_writer.hpp>
 #include "readers/recording_snapshot_adjustment.hpp"
 
+#include <array>
 #include <functional>
 #include <limits>
 #include <string>

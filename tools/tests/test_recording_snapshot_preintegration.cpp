@@ -7,6 +7,7 @@
 #include <turbomap/io/recording_writer.hpp>
 #include "readers/recording_snapshot_preintegration.hpp"
 
+#include <array>
 #include <functional>
 #include <limits>
 #include <string>

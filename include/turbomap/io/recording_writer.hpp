@@ -5,6 +5,7 @@
 /// \file
 /// Writing a recording: whole, or built keyframe by keyframe by a SLAM system that wants its own runs replayed.
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
