@@ -378,6 +378,30 @@ TEST_CASE("a name that throws where its point is gone is not asked for the objec
   CHECK(recent.empty());
 }
 
+TEST_CASE(
+    "of a point that is to be erased every slot is looked at again, also in a keyframe that was found alive for "
+    "another") {
+  mirrored_map m;
+  turbomap_test::insert_keyframe(m, random_keypoints(1, 1, 8, 20), 0, {});
+  auto& keyframe = m.objects.keyframes[0];
+  std::vector<turbomap::recent_point<turbomap::map_point_id>> recent;
+  for (std::size_t n = 0; n < 3; ++n) {
+    const auto p = traits::add_point(m, {1, 2, 3}, m.number(&keyframe));
+    REQUIRE(turbomap::observe(m, p, m.number(&keyframe), n));
+    if (n < 2) recent.push_back({p, 0});
+  }
+  auto* const other = keyframe.points[2];
+  keyframe.points[1] = other;  // by others, who do not report it and leave the list of the second point as it was
+  turbomap::fault_list faults;
+  const auto summary = turbomap::cull_recent_points(static_cast<turbomap::map_mirror<pointer_map>&>(m), recent, 2, {},
+                                                    turbomap::fault_sink(faults));
+  REQUIRE(faults.size() == 1);
+  CHECK(faults[0].keypoint == 1);
+  CHECK(summary.dropped == 1);
+  CHECK(keyframe.points[0] == nullptr);
+  CHECK(keyframe.points[1] == other);
+}
+
 TEST_CASE("an edit that ends between the list of a point and its slot: octaves are counted again") {
   using traits = turbomap::map_traits<turbomap::map_mirror<slotless_map>>;
   slotless_map map;
