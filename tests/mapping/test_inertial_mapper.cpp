@@ -32,8 +32,6 @@ using inertial_map = turbomap::simple_inertial_map<turbomap::binary_descriptor<2
 struct mirrored_inertial_map : inertial_map {
   using inertial_map::inertial_map;
 };
-template <class Map, class Policy>
-using inertial_mapping = mapping_run<Map, Policy, turbomap::inertial_adjustment<Map, Policy>>;
 
 }  // namespace
 
@@ -109,31 +107,16 @@ std::vector<double> numbers_of(const inertial_map& map) {
 }
 
 TEST_CASE("a mirrored map with an IMU is left as the map itself would be, to the last bit") {
-  mapping_recipe recipe;
-  recipe.pixel_noise = 0.4;
-  const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
-  const true_motion motion{scene};
-  inertial_mapping<inertial_map, sequential> run(scene, culled_inertial_options(recipe));
-  inertial_mapping<mirrored_inertial_map, sequential> mirrored(scene, culled_inertial_options(recipe));
-  std::size_t culled = 0, adjusted = 0;
-  const auto step = [&](auto& which, int n) {
-    which.map.set_gravity(motion.gravity);
-    const auto k = track(which, motion);
-    which.map.set_initialised(n >= 5), which.map.set_refined(n >= 15);
-    const auto& report = which.mapper.process(k);
-    CHECK(report.refused.empty());
-    CHECK(report.healed == 0);
-    culled += report.keyframes_culled.size();
-    adjusted += report.adjustment.inertial && report.adjustment.solve.accepted > 0 ? 1 : 0;
-    which.note();
-  };
+  twin_inertial_mapping<inertial_map, mirrored_inertial_map, sequential> twins;
   for (int n = 0; n < 24; ++n) {
     CAPTURE(n);
-    step(run, n), step(mirrored, n);
-    REQUIRE(numbers_of(run.map) == numbers_of(mirrored.map));
+    twins.step();
+    CHECK(twins.refused == 0);
+    CHECK(twins.healed == 0);
+    REQUIRE(numbers_of(twins.first()) == numbers_of(twins.second()));
   }
-  CHECK(culled > 4);
-  CHECK(adjusted > 30);
+  CHECK(twins.culled > 4);
+  CHECK(twins.adjusted > 30);
 }
 
 TEST_CASE("what tracking changed of a mirrored keyframe, unreported, is read with its velocity") {

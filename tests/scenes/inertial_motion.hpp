@@ -8,8 +8,10 @@
 
 #include <turbomap/inertial/preintegrate.hpp>
 #include <turbomap/local_mapper.hpp>
+#include <turbomap/mapping/inertial_adjustment.hpp>
 #include <turbomap/math/rotation.hpp>
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -65,5 +67,46 @@ typename Run::keyframe track(Run& run, const true_motion& motion) {
   if (n > 0) run.map.set_motion(k, motion.between(n - 1, n));
   return k;
 }
+
+template <class Map, class Policy>
+using inertial_mapping = mapping_run<Map, Policy, turbomap::inertial_adjustment<Map, Policy>>;
+
+/// Local mapping on maps of two types that are told the same. The IMU is initialised at keyframe 5, refined at keyframe 15.
+template <class First, class Second, class Policy>
+class twin_inertial_mapping {
+ public:
+  const First& first() const { return first_.map; }
+  const Second& second() const { return second_.map; }
+
+  /// One more keyframe for each.
+  void step() { step(first_), step(second_), ++keyframes_; }
+
+  /// Of both, so far.
+  std::size_t culled = 0, adjusted = 0, healed = 0, refused = 0;
+
+ private:
+  template <class Run>
+  void step(Run& run) {
+    run.map.set_gravity(motion_.gravity);
+    const auto k = track(run, motion_);
+    run.map.set_initialised(keyframes_ >= 5), run.map.set_refined(keyframes_ >= 15);
+    const auto& report = run.mapper.process(k);
+    culled += report.keyframes_culled.size();
+    adjusted += report.adjustment.inertial && report.adjustment.solve.accepted > 0 ? 1 : 0;
+    healed += report.healed, refused += report.refused.size();
+    run.note();
+  }
+  static mapping_recipe noisy() {
+    mapping_recipe recipe;
+    recipe.pixel_noise = 0.4;
+    return recipe;
+  }
+
+  const mapping_scene<pinhole_camera> scene_{pinhole_rig(50), noisy()};
+  const true_motion motion_{scene_};
+  inertial_mapping<First, Policy> first_{scene_, culled_inertial_options(noisy())};
+  inertial_mapping<Second, Policy> second_{scene_, culled_inertial_options(noisy())};
+  int keyframes_ = 0;
+};
 
 }  // namespace turbomap_test

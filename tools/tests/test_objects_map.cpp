@@ -83,36 +83,19 @@ std::vector<double> inertial_numbers(const Map& map) {
 }
 
 TEST_CASE("a map of objects with an IMU and one of arrays become the same to the last bit") {
-  mapping_recipe recipe;
-  recipe.pixel_noise = 0.4;
-  const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
-  const true_motion motion{scene};
-  using flat_map = turbomap::simple_inertial_map<descriptor, pinhole_camera>;
-  using objects_map = turbomap_program::inertial_objects_map<pinhole_camera>;
-  mapping_run<flat_map, sequential, turbomap::inertial_adjustment<flat_map, sequential>> flat(
-      scene, culled_inertial_options(recipe));
-  mapping_run<objects_map, sequential, turbomap::inertial_adjustment<objects_map, sequential>> objects(
-      scene, culled_inertial_options(recipe));
-  std::size_t culled = 0, adjusted = 0;
-  const auto step = [&](auto& run, int n) {
-    run.map.set_gravity(motion.gravity);
-    const auto k = track(run, motion);
-    run.map.set_initialised(n >= 5), run.map.set_refined(n >= 15);
-    const auto& report = run.mapper.process(k);
-    culled += report.keyframes_culled.size();
-    adjusted += report.adjustment.inertial && report.adjustment.solve.accepted > 0 ? 1 : 0;
-    CHECK(report.healed == 0);
-    run.note();
-  };
+  twin_inertial_mapping<turbomap::simple_inertial_map<descriptor, pinhole_camera>,
+                        turbomap_program::inertial_objects_map<pinhole_camera>, sequential>
+      twins;
   for (int n = 0; n < 20; ++n) {
     CAPTURE(n);
-    step(flat, n), step(objects, n);
-    REQUIRE(turbomap_replay::map_digest(objects.map) == turbomap_replay::map_digest(flat.map));
-    REQUIRE(inertial_numbers(objects.map) == inertial_numbers(flat.map));
-    REQUIRE(turbomap::validate(objects.map).empty());
+    twins.step();
+    CHECK(twins.healed == 0);
+    REQUIRE(turbomap_replay::map_digest(twins.second()) == turbomap_replay::map_digest(twins.first()));
+    REQUIRE(inertial_numbers(twins.second()) == inertial_numbers(twins.first()));
+    REQUIRE(turbomap::validate(twins.second()).empty());
   }
-  CHECK(culled > 4);
-  CHECK(adjusted > 20);
+  CHECK(twins.culled > 4);
+  CHECK(twins.adjusted > 20);
 }
 
 /// Half a second at 200 Hz from `from_ms` on, pushed and turned evenly.
