@@ -4,23 +4,26 @@
 /// \file
 /// turbomap-replay with the IMU of a recording, under the CUDA policy.
 
-#include "on_device.cuh"
+#include <thrust/system/cuda/execution_policy.h>
+
+#include <turbomap/camera/kannala_brandt.hpp>
+#include <turbomap/camera/pinhole.hpp>
+#include <turbomap/map/simple_map/simple_inertial_map.hpp>
+
 #include "replay/recorded_imu.hpp"
-#include "replay/run_inertial.hpp"
+#include "replay/replay_on_body.hpp"
 
 namespace turbomap_replay {
 namespace {
+
+using turbomap::simple_inertial_map;
 using stream_policy = decltype(thrust::cuda::par_nosync.on(cudaStream_t{}));
-}
 
-template <class Camera, class Policy>
-replay_result replay_inertial(const turbomap::recording& recording, const Policy& policy, const arguments& arguments) {
-  return replayer<turbomap::simple_inertial_map<orb, Camera>, Policy, recorded_imu>(recording, policy, arguments).run();
-}
+}  // namespace
 
-template replay_result replay_inertial<turbomap::pinhole<float>>(const turbomap::recording&, const stream_policy&,
-                                                                 const arguments&);
-template replay_result replay_inertial<turbomap::kannala_brandt<float>>(const turbomap::recording&,
-                                                                        const stream_policy&, const arguments&);
+template replay_result replay_on<simple_inertial_map<orb, turbomap::pinhole<float>>, recorded_imu>(
+    const turbomap::recording&, const stream_policy&, const arguments&);
+template replay_result replay_on<simple_inertial_map<orb, turbomap::kannala_brandt<float>>, recorded_imu>(
+    const turbomap::recording&, const stream_policy&, const arguments&);
 
 }  // namespace turbomap_replay

@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <numeric>
 #include <stdexcept>
+#include <type_traits>
 
 #include <turbomap/io/ply.hpp>
 #include <turbomap/io/recording.hpp>
@@ -21,8 +22,7 @@
 #include "loop.hpp"
 #include "make_report.hpp"
 #include "print_outcome.hpp"
-#include "run_inertial.hpp"
-#include "run_objects.hpp"
+#include "replay_on.hpp"
 #include "simulation/random.hpp"
 #include "trajectory_errors.hpp"
 
@@ -112,6 +112,21 @@ arguments decided(const turbomap::recording& recording, const Policy& policy, ar
   return a;
 }
 
+/// On the map that the arguments name, with the IMU or without. A map of objects is for host policies.
+template <class Camera, class Policy>
+replay_result replay_once(const turbomap::recording& recording, const Policy& policy, const arguments& arguments) {
+  const bool with_imu = arguments.imu == choice::yes;
+  if constexpr (std::is_same_v<Policy, turbomap_program::host_policy>)
+    if (arguments.objects) {
+      using turbomap_program::inertial_objects_map;
+      using turbomap_program::objects_map;
+      return with_imu ? replay_on<inertial_objects_map<Camera>, recorded_imu>(recording, policy, arguments)
+                      : replay_on<objects_map<Camera>, no_imu>(recording, policy, arguments);
+    }
+  return with_imu ? replay_on<turbomap::simple_inertial_map<orb, Camera>, recorded_imu>(recording, policy, arguments)
+                  : replayer<turbomap::simple_map<orb, Camera>, Policy>(recording, policy, arguments).run();
+}
+
 template <class Camera, class Policy>
 outcome replay(const turbomap::recording& recording, const Policy& policy, const arguments& given) {
   nlohmann::json offset;
@@ -123,10 +138,7 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
   outcome o;
   o.begin_ms = now_ms();
   for (int k = 0; k < arguments.repeat; ++k) {
-    result = arguments.objects ? replay_objects<Camera>(recording, arguments)
-             : arguments.imu == choice::yes
-                 ? replay_inertial<Camera>(recording, policy, arguments)
-                 : replayer<turbomap::simple_map<orb, Camera>, Policy>(recording, policy, arguments).run();
+    result = replay_once<Camera>(recording, policy, arguments);
     for (std::size_t i = warm_up; i < result.rows.size(); ++i) rows.push_back(result.rows[i]);
   }
   o.end_ms = now_ms();

@@ -4,33 +4,21 @@
 /// \file
 /// turbomap-replay with the IMU of a recording.
 
-#include "run_inertial.hpp"
+#include <turbomap/camera/kannala_brandt.hpp>
+#include <turbomap/camera/pinhole.hpp>
+#include <turbomap/map/simple_map/simple_inertial_map.hpp>
 
 #include "host_policy.hpp"
 #include "recorded_imu.hpp"
+#include "replay_on_body.hpp"
 
 namespace turbomap_replay {
-namespace {
 
-template <class Camera>
-replay_result run(const turbomap::recording& recording, const arguments& arguments) {
-  using turbomap_program::host_policy;
-  const host_policy policy(arguments.policy);
-  return replayer<turbomap::simple_inertial_map<orb, Camera>, host_policy, recorded_imu>(recording, policy, arguments)
-      .run();
-}
+using turbomap::simple_inertial_map, turbomap_program::host_policy;
 
-}  // namespace
-
-template <>
-replay_result replay_inertial<turbomap::pinhole<float>>(const turbomap::recording& recording,
-                                                        const arguments& arguments) {
-  return run<turbomap::pinhole<float>>(recording, arguments);
-}
-template <>
-replay_result replay_inertial<turbomap::kannala_brandt<float>>(const turbomap::recording& recording,
-                                                               const arguments& arguments) {
-  return run<turbomap::kannala_brandt<float>>(recording, arguments);
-}
+template replay_result replay_on<simple_inertial_map<orb, turbomap::pinhole<float>>, recorded_imu>(
+    const turbomap::recording&, const host_policy&, const arguments&);
+template replay_result replay_on<simple_inertial_map<orb, turbomap::kannala_brandt<float>>, recorded_imu>(
+    const turbomap::recording&, const host_policy&, const arguments&);
 
 }  // namespace turbomap_replay

@@ -4,32 +4,21 @@
 /// \file
 /// turbomap-replay --map objects, without an IMU.
 
-#include "run_objects.hpp"
+#include <turbomap/camera/kannala_brandt.hpp>
+#include <turbomap/camera/pinhole.hpp>
 
 #include "host_policy.hpp"
 #include "objects_map/objects_map.hpp"
+#include "replay_on_body.hpp"
 
 namespace turbomap_replay {
-namespace {
 
-template <class Camera>
-replay_result run(const turbomap::recording& recording, const arguments& arguments) {
-  using turbomap_program::host_policy;
-  const host_policy policy(arguments.policy);
-  return replayer<turbomap_program::objects_map<Camera>, host_policy>(recording, policy, arguments).run();
-}
+using turbomap_program::host_policy, turbomap_program::objects_map;
 
-}  // namespace
-
-template <>
-replay_result replay_visual_objects<turbomap::pinhole<float>>(const turbomap::recording& recording,
-                                                              const arguments& arguments) {
-  return run<turbomap::pinhole<float>>(recording, arguments);
-}
-template <>
-replay_result replay_visual_objects<turbomap::kannala_brandt<float>>(const turbomap::recording& recording,
-                                                                     const arguments& arguments) {
-  return run<turbomap::kannala_brandt<float>>(recording, arguments);
-}
+template replay_result replay_on<objects_map<turbomap::pinhole<float>>, no_imu>(const turbomap::recording&,
+                                                                                const host_policy&, const arguments&);
+template replay_result replay_on<objects_map<turbomap::kannala_brandt<float>>, no_imu>(const turbomap::recording&,
+                                                                                       const host_policy&,
+                                                                                       const arguments&);
 
 }  // namespace turbomap_replay
