@@ -15,66 +15,27 @@
 #include "../map/map_traits.hpp"
 #include "../plain_vector.hpp"
 #include "../types.hpp"
-#include "finest_octaves.hpp"
-#include "mirror_keyframes.hpp"
-#include "mirror_points.hpp"
+#include "mirror_objects.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
 /// A map, and what was read of it. A place that a member is given is one that was taken (not checked).
 template <class Map>
-class map_copy {
+class map_copy : public mirror_objects<Map> {
+  using objects = mirror_objects<Map>;
+
  public:
   /// @{
-  /// Types of the user's map, as its traits name them; `keyframe` and `point` are the names of the copy.
-  using user_traits = map_traits<Map>;
-  using user_keyframe = typename user_traits::keyframe;
-  using user_point = typename user_traits::point;
-  using descriptor = typename user_traits::descriptor;
-  using keyframe = map_keyframe_id;
-  using point = map_point_id;
+  /// See mirror_objects.
+  using objects::at, objects::gone, objects::keypoints, objects::map, objects::name, objects::number;
+  using objects::keyframes, objects::points;
+  using typename objects::keyframe, typename objects::point, typename objects::descriptor;
+  using typename objects::points_type;
+  using typename objects::user_keyframe, typename objects::user_point, typename objects::user_traits;
   /// @}
-  static constexpr std::int32_t gone = 0;  ///< the place of what is not alive
 
   /// Nothing is read. \param map  must outlive this
-  explicit map_copy(Map& map) : map_(map) {}
-
-  /// The user's map.
-  Map& map() const { return map_; }
-  /// The place of a name (not checked).
-  template <class Name>
-  static std::size_t at(const Name& name) {
-    return static_cast<std::size_t>(name.index);
-  }
-  /// The number of what is named, which need not be read for it.
-  keyframe number(const user_keyframe& name) {
-    if (name == user_keyframe{}) return {};
-    const std::int32_t known = keyframes.find(user_traits::id(map_, name));
-    if (known != id_numbers::none && keyframes.alive(known) && keyframes[static_cast<std::size_t>(known)].name == name)
-      return keyframes.at(known);
-    if (!user_traits::alive(map_, name)) return keyframes.at(gone);
-    return keyframes.at(keyframes.take(name, user_traits::id(map_, name)));
-  }
-  /// The same of a point; no name: none.
-  point number(const user_point& name) {
-    if (name == user_point{}) return {};
-    const std::uint64_t id = user_traits::id(map_, name);
-    const std::int32_t known = points.find(id);
-    if (known != id_numbers::none && points.alive(known) && points.names[static_cast<std::size_t>(known)] == name)
-      return points.at(known);
-    if (!user_traits::alive(map_, name)) return points.at(gone);
-    return points.at(points.take(name, id));
-  }
-  /// The same of a keyframe which is mostly `before`: then it is not looked up.
-  keyframe number(const user_keyframe& name, keyframe before) {
-    const bool same = keyframes.known(before) && keyframes.alive(before.index) && keyframes[at(before)].name == name &&
-                      keyframes[at(before)].id == user_traits::id(map_, name);
-    return same ? before : number(name);
-  }
-  /// What the user calls a keyframe.
-  const user_keyframe& name(keyframe k) const { return keyframes[k.index < 0 ? gone : at(k)].name; }
-  /// What the user calls a point.
-  const user_point& name(point p) const { return points.names[p.index < 0 ? gone : at(p)]; }
+  explicit map_copy(Map& map) : objects(map) {}
 
   // ---- read what is not here ----
 
@@ -104,37 +65,6 @@ class map_copy {
     if (keyframes[at(k)].pose_read == 0) read_pose(at(k), name(k));
     return keyframes[at(k)].T_cw;
   }
-  /// The keypoints of a keyframe, which never change.
-  const plain_vector<keypoint>& keypoints(std::size_t k) {
-    auto& entry = keyframes[k];
-    if (!entry.has_keypoints) {
-      const std::size_t n = keypoint_count_of(map_, entry.name);
-      entry.keypoints.resize(n);
-      entry.slots.resize(n);
-      for (std::size_t i = 0; i < n; ++i) {
-        entry.keypoints[i] = keypoint_of(map_, entry.name, i), entry.slots[i] = point{};
-        const std::size_t levels = entry.keypoints[i].octave + std::size_t{1};
-        if (levels > points.levels()) points.more_levels(levels);
-      }
-      entry.has_keypoints = true;
-    }
-    return entry.keypoints;
-  }
-  /// measurement_count() of a point that has been read. It is kept, as most points are asked for several times.
-  int measurements(std::size_t p) {
-    if (points.entries[p].measurements < 0) {
-      int count = 0;
-      for (std::size_t v = 0; v < points.lists.of(p).size(); ++v) count += measurements_of(points.lists.of(p)[v]);
-      points.entries[p].measurements = count;
-    }
-    return points.entries[p].measurements;
-  }
-  /// Of one observation.
-  int measurements_of(const observation& o) {
-    const auto& all = keypoints(static_cast<std::size_t>(o.keyframe));
-    const auto i = static_cast<std::size_t>(o.keypoint);
-    return i < all.size() && all[i].u_right >= 0 ? 2 : 1;
-  }
   /// Is to be read anew when it is next asked for.
   void forget(point p) {
     if (points.known(p)) points.entries[at(p)].read = 0;
@@ -152,7 +82,7 @@ class map_copy {
   bool read_keyframe(std::size_t k) {
     if (static_cast<std::int32_t>(k) == gone || !keyframes.alive(static_cast<std::int32_t>(k))) return false;
     const user_keyframe name = keyframes[k].name;
-    if (!user_traits::alive(map_, name)) {
+    if (!user_traits::alive(map(), name)) {
       lose_keyframe(k);
       return true;
     }
@@ -165,7 +95,7 @@ class map_copy {
   }
   /// The pose alone. \return whether it was not as it was last seen
   bool read_pose(std::size_t k, const user_keyframe& name) {
-    const auto T = pose_of(map_, name);
+    const auto T = pose_of(map(), name);
     auto& old = keyframes[k].T_cw;
     const bool same = is_same_pose(T, old);
     old = T;
@@ -191,7 +121,7 @@ class map_copy {
   bool take_associations(keyframe k, std::size_t& slot, std::size_t most) {
     if (!keyframes.known(k) || !keyframes.alive(k.index)) return false;
     const user_keyframe name = keyframes[at(k)].name;
-    if (!user_traits::alive(map_, name)) return lose_keyframe(at(k)), false;
+    if (!user_traits::alive(map(), name)) return lose_keyframe(at(k)), false;
     keyframes[at(k)].read = 0;  // until all of it is
     if (slot == 0) forgotten_ = false;
     read_pose(at(k), name);
@@ -232,23 +162,23 @@ class map_copy {
     const user_point name = points.names[p];
     auto& entry = points.entries;
     entry[p].read = 0;  // until all of it is
-    if (!user_traits::alive(map_, name)) return lose_point(p, number(resolve(map_, name)));
+    if (!user_traits::alive(map(), name)) return lose_point(p, number(resolve(map(), name)));
     read_position(p, name);
-    points.normals[p] = user_traits::normal(map_, name);
-    points.ranges[p] = {user_traits::min_distance(map_, name), user_traits::max_distance(map_, name)};
-    if constexpr (points_type::has_covariances) points.covariances[p] = user_traits::covariance(map_, name);
-    const auto& given = user_traits::descriptor_data(map_, name);
+    points.normals[p] = user_traits::normal(map(), name);
+    points.ranges[p] = {user_traits::min_distance(map(), name), user_traits::max_distance(map(), name)};
+    if constexpr (points_type::has_covariances) points.covariances[p] = user_traits::covariance(map(), name);
+    const auto& given = user_traits::descriptor_data(map(), name);
     const typename descriptor::element* const d = detail::elements_of<descriptor>(given);
     entry[p].described = d != nullptr;
     constexpr std::size_t elements = points_type::elements;
     for (std::size_t e = 0; d != nullptr && e < elements; ++e) points.descriptors[p * elements + e] = d[e];
-    entry[p].reference = number(user_traits::reference(map_, name));
+    entry[p].reference = number(user_traits::reference(map(), name));
     read_list(p, name);
     entry[p].read = 1;
   }
   /// The position alone.
   void read_position(std::size_t p, const user_point& name) {
-    const auto& x = user_traits::position(map_, name);
+    const auto& x = user_traits::position(map(), name);
     points.positions[p] = {x.x, x.y, x.z};
   }
   /// The observations alone.
@@ -258,7 +188,7 @@ class map_copy {
     scratch_.clear();
     keep_old_list(p);
     bool same = true;  // as it was last read, and in that order: mostly so
-    user_traits::for_each_observation(map_, name, [&](const user_keyframe& observer, std::size_t keypoint) {
+    user_traits::for_each_observation(map(), name, [&](const user_keyframe& observer, std::size_t keypoint) {
       const std::size_t n = scratch_.size();
       const keyframe k = number(observer, n < old_.size() ? keyframes.at(old_[n].keyframe) : keyframe{});
       const observation o{k.index < 0 ? gone : k.index, static_cast<std::int32_t>(keypoint)};
@@ -297,14 +227,9 @@ class map_copy {
     }
   }
 
-  /// @{
-  /// What was read.
-  using points_type = mirror_points<Map>;
-  mirror_keyframes<Map> keyframes;
-  points_type points;
-  /// @}
-
  private:
+  using objects::count_octaves, objects::lists;
+
   void keep_old_list(std::size_t p) {
     old_.clear();
     for (const observation& o : points.lists.of(p)) old_.push_back(o);
@@ -315,17 +240,10 @@ class map_copy {
   /// What a slot holds now. Most often what it held before: its name tells, and nothing has to be looked up. Names are never used
   /// again (working_map.hpp): an equal name is the same point.
   point number_in_slot(std::size_t k, std::size_t i, const user_keyframe& name) {
-    const user_point now = user_traits::point_at(map_, name, i);
+    const user_point now = user_traits::point_at(map(), name, i);
     const point before = keyframes[k].slots[i];
     const bool same = points.known(before) && points.alive(before.index) && points.names[at(before)] == now;
     return same ? before : number(now);
-  }
-  /// Whether a point that has been read lists the keypoint.
-  bool lists(point p, std::size_t k, std::size_t i) const {
-    if (!points.known(p)) return false;
-    for (const observation& o : points.lists.of(at(p)))
-      if (o.keyframe == static_cast<std::int32_t>(k) && o.keypoint == static_cast<std::int32_t>(i)) return true;
-    return false;
   }
   /// Slots that have been read agree with the list of a point, or are read anew. \param expected  what the slot holds by the list
   void agree(const observation& o, point expected = {}) {
@@ -333,31 +251,12 @@ class map_copy {
     if (o.keyframe == gone || keyframes[k].read == 0 || i >= keyframes[k].slots.size()) return;
     if (keyframes[k].slots[i] == expected) return;
     const user_keyframe name = keyframes[k].name;
-    if (user_traits::alive(map_, name))
+    if (user_traits::alive(map(), name))
       read_slot(k, i, name);
     else
       lose_keyframe(k);  // erased meanwhile: its slots may be no more
   }
-  /// As recount().
-  void count_octaves(std::size_t p) {
-    const std::uint8_t read = points.entries[p].read;
-    points.entries[p].read = 0;  // until all of it is
-    points.entries[p].measurements = -1;
-    measurements(p);  // keypoints are read, and levels known, from here on
-    std::uint32_t* const counts = points.counts(p);
-    for (std::size_t o = 0; o < points.levels(); ++o) counts[o] = 0;
-    count_finest_octaves(
-        points.lists.of(p), [this](const observation& o) { return octave_of(o); }, counts);
-    points.entries[p].read = read;
-  }
-  /// -1 where there is no such keypoint.
-  int octave_of(const observation& o) {
-    if (o.keyframe == gone) return -1;
-    const auto& all = keypoints(static_cast<std::size_t>(o.keyframe));
-    return static_cast<std::size_t>(o.keypoint) < all.size() ? all[static_cast<std::size_t>(o.keypoint)].octave : -1;
-  }
 
-  Map& map_;
   bool forgotten_ = false;                   ///< forget_all() came, since take_associations() began
   plain_vector<observation> scratch_, old_;  ///< observations of the list that is read, as they are and as they were
 };
