@@ -54,11 +54,10 @@ namespace detail {
 
 inline void read_start(snapshot_source& from, recording_snapshot& s) {
   from.read("kf_alive", s.kf_alive);
-  from.read("kf_Tcw", s.kf_T_cw, s.kf_alive.size());
+  from.read_finite("kf_Tcw", s.kf_T_cw, s.kf_alive.size());
   from.read("covis_kf", s.covis_kf);
   from.read("covis_w", s.covis_w, s.covis_kf.size());
   from.check.in_range("kf_alive", s.kf_alive, 0, from.keyframe_count());
-  from.check.finite("kf_Tcw", s.kf_T_cw);
   from.check.rotations("kf_Tcw", s.kf_T_cw);
   from.check.in_range("covis_kf", s.covis_kf, 0, from.keyframe_count());
   from.has_pose.assign(from.recording.keyframe_count(), 0);

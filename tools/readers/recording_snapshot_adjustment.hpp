@@ -77,28 +77,22 @@ inline void read_adjusted_frames(const snapshot_source& from, const json_reader&
     meta.fail("lba", "has an n_opt above the size of lba_kf");
   out.optimised = static_cast<std::size_t>(optimised);
   from.read("lba_kf_fixed", out.fixed, n);
-  from.read("lba_Tcw_before", out.T_cw_before, n);
-  from.read("lba_Tcw_after", out.T_cw_after, n);
-  from.read("lba_pose_after_d", out.pose_after, out.optimised);
+  from.read_finite("lba_Tcw_before", out.T_cw_before, n);
+  from.read_finite("lba_Tcw_after", out.T_cw_after, n);
+  from.read_finite("lba_pose_after_d", out.pose_after, out.optimised);
   from.check.in_range("lba_kf", out.keyframe, 0, from.keyframe_count());
   from.check.in_range("lba_kf_fixed", out.fixed, 0, 2);
   for (std::size_t i = out.optimised; i < n; ++i)
     if (out.fixed[i] == 0) from.check.fail_row("lba_kf_fixed", i, "is 0, but the keyframe is not an optimised one");
-  from.check.finite("lba_Tcw_before", out.T_cw_before);
-  from.check.finite("lba_Tcw_after", out.T_cw_after);
-  from.check.finite("lba_pose_after_d", out.pose_after);
   from.check.rotations("lba_Tcw_before", out.T_cw_before);
   from.check.rotations("lba_Tcw_after", out.T_cw_after);
 }
 
 inline void read_adjusted_points(const snapshot_source& from, adjustment_snapshot& out) {
   from.read("lba_pt_id", out.point);
-  from.read("lba_pt_before", out.position_before, out.point.size());
-  from.read("lba_pt_after", out.position_after, out.point.size());
-  from.read("lba_pt_after_d", out.position_after_exact, out.point.size());
-  from.check.finite("lba_pt_before", out.position_before);
-  from.check.finite("lba_pt_after", out.position_after);
-  from.check.finite("lba_pt_after_d", out.position_after_exact);
+  from.read_finite("lba_pt_before", out.position_before, out.point.size());
+  from.read_finite("lba_pt_after", out.position_after, out.point.size());
+  from.read_finite("lba_pt_after_d", out.position_after_exact, out.point.size());
 }
 
 inline void read_adjusted_observations(const snapshot_source& from, adjustment_snapshot& out) {
@@ -107,20 +101,16 @@ inline void read_adjusted_observations(const snapshot_source& from, adjustment_s
   from.read("lba_e_pt", out.landmark, n);
   from.read("lba_e_kp", out.keypoint, n);
   from.read("lba_e_type", out.kind, n);
-  from.read("lba_e_obs", out.pixel, n);
-  from.read("lba_e_invsigma2", out.information, n);
-  from.read("lba_e_chi2_before", out.chi2_before, n);
-  from.read("lba_e_chi2_after", out.chi2_after, n);
+  from.read_finite("lba_e_obs", out.pixel, n);
+  from.read_finite("lba_e_invsigma2", out.information, n);
+  from.read_finite("lba_e_chi2_before", out.chi2_before, n);
+  from.read_finite("lba_e_chi2_after", out.chi2_after, n);
   from.read("lba_e_outlier", out.outlier, n);
   from.read("lba_e_depthpos", out.depth_positive, n);
   from.check.in_range("lba_e_kf", out.frame, 0, static_cast<std::int64_t>(out.keyframe.size()));
   from.check.in_range("lba_e_pt", out.landmark, 0, static_cast<std::int64_t>(out.point.size()));
   from.check.in_range("lba_e_outlier", out.outlier, 0, 2);
   from.check.in_range("lba_e_depthpos", out.depth_positive, 0, 2);
-  from.check.finite("lba_e_invsigma2", out.information);
-  from.check.finite("lba_e_chi2_before", out.chi2_before);
-  from.check.finite("lba_e_chi2_after", out.chi2_after);
-  from.check.finite("lba_e_obs", out.pixel);
   const bool two_cameras = !from.recording.meta.camera2.empty();
   for (std::size_t i = 0; i < n; ++i) {
     const std::int32_t keyframe = out.keyframe[static_cast<std::size_t>(out.frame[i])];

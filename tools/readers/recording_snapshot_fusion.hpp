@@ -68,19 +68,14 @@ TURBOMAP_BEGIN_NAMESPACE
 namespace detail {
 
 inline void read_recorded_states(const snapshot_source& from, recorded_states& out) {
-  from.read("fs_pos", out.position);
+  from.read_finite("fs_pos", out.position);
   const std::size_t n = out.position.size();
-  from.read("fs_normal", out.normal, n);
-  from.read("fs_mindist", out.min_distance, n);
-  from.read("fs_maxdist", out.max_distance, n);
-  from.read("fs_rawmax", out.raw_max_distance, n);
+  from.read_finite("fs_normal", out.normal, n);
+  from.read_finite("fs_mindist", out.min_distance, n);
+  from.read_finite("fs_maxdist", out.max_distance, n);
+  from.read_finite("fs_rawmax", out.raw_max_distance, n);
   from.read("fs_desc", out.descriptor, n);
   from.read("fs_pt", out.point, n);
-  from.check.finite("fs_pos", out.position);
-  from.check.finite("fs_normal", out.normal);
-  from.check.finite("fs_mindist", out.min_distance);
-  from.check.finite("fs_maxdist", out.max_distance);
-  from.check.finite("fs_rawmax", out.raw_max_distance);
   from.check.in_range("fs_pt", out.point, 0, std::int64_t{1} << 31);
 }
 

@@ -37,14 +37,10 @@ inline inertial_snapshot read_inertial_snapshot(const recording& r, const std::f
   inertial_snapshot out;
   out.all_robust = meta.member<double>("lba", meta.json()["lba"], "bRecInit") != 0;
   const std::size_t n = s.keyframe.size();
-  from.read("lba_vel_before", out.velocity_before, n);
-  from.read("lba_vel_after", out.velocity_after, n);
-  from.read("lba_bias_before", out.bias_before, n);
-  from.read("lba_bias_after", out.bias_after, n);
-  from.check.finite("lba_vel_before", out.velocity_before);
-  from.check.finite("lba_vel_after", out.velocity_after);
-  from.check.finite("lba_bias_before", out.bias_before);
-  from.check.finite("lba_bias_after", out.bias_after);
+  from.read_finite("lba_vel_before", out.velocity_before, n);
+  from.read_finite("lba_vel_after", out.velocity_after, n);
+  from.read_finite("lba_bias_before", out.bias_before, n);
+  from.read_finite("lba_bias_after", out.bias_after, n);
   return out;
 }
 

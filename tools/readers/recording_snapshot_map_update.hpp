@@ -39,10 +39,10 @@ inline void read_map_update(const snapshot_source& from, std::int32_t keyframe, 
   from.read("fpost_kp", out.keypoint);
   const std::size_t n = out.keypoint.size();
   from.read("fpost_pt", out.point, n);
-  from.read("fpost_pos", out.position, n);
-  from.read("fpost_normal", out.normal, n);
-  from.read("fpost_mindist", out.min_distance, n);
-  from.read("fpost_maxdist", out.max_distance, n);
+  from.read_finite("fpost_pos", out.position, n);
+  from.read_finite("fpost_normal", out.normal, n);
+  from.read_finite("fpost_mindist", out.min_distance, n);
+  from.read_finite("fpost_maxdist", out.max_distance, n);
   from.read("fpost_desc", out.descriptor, n);
   from.read("fpost_nobs", out.observation_count, n);
   from.read("fpost_refkf", out.reference, n);
@@ -51,10 +51,6 @@ inline void read_map_update(const snapshot_source& from, std::int32_t keyframe, 
   from.read_offsets("fpost_obs_off", out.obs_off, n, out.obs_kf.size());
   from.check.in_range("fpost_kp", out.keypoint, 0, from.keypoint_count(keyframe));
   from.check.in_range("fpost_pt", out.point, 0, std::int64_t{1} << 31);
-  from.check.finite("fpost_pos", out.position);
-  from.check.finite("fpost_normal", out.normal);
-  from.check.finite("fpost_mindist", out.min_distance);
-  from.check.finite("fpost_maxdist", out.max_distance);
   from.check.in_range("fpost_nobs", out.observation_count, 0, std::int64_t{1} << 31);
   from.check.in_range("fpost_refkf", out.reference, 0, from.keyframe_count());
   from.check.in_range("fpost_obs_kf", out.obs_kf, 0, from.keyframe_count());

@@ -53,10 +53,10 @@ inline std::vector<recorded_preintegration> read_preintegration_snapshot(const r
   std::vector<float> dT;
   std::vector<vec3<float>> dV, dP;
   std::vector<std::array<float, 6>> bias;
-  from.read("lba_imu_dT", dT, n);
-  from.read("lba_imu_dV", dV, n);
-  from.read("lba_imu_dP", dP, n);
-  from.read("lba_imu_bias_orig", bias, n);
+  from.read_finite("lba_imu_dT", dT, n);
+  from.read_finite("lba_imu_dV", dV, n);
+  from.read_finite("lba_imu_dP", dP, n);
+  from.read_finite("lba_imu_bias_orig", bias, n);
   const auto matrices = [&](const char* name, std::size_t size) {
     std::vector<float> values;
     from.read_shape(name, values, {n, size, size});
@@ -68,10 +68,6 @@ inline std::vector<recorded_preintegration> read_preintegration_snapshot(const r
   std::vector<float> matrix[6];
   for (int k = 0; k < 6; ++k) matrix[k] = matrices(names[k], 3);
   const std::vector<float> C = matrices("lba_imu_C", 15);
-  from.check.finite("lba_imu_dT", dT);
-  from.check.finite("lba_imu_dV", dV);
-  from.check.finite("lba_imu_dP", dP);
-  from.check.finite("lba_imu_bias_orig", bias);
 
   for (std::size_t i = 0; i < n; ++i) {
     if (has[i] == 0) continue;

@@ -61,11 +61,9 @@ inline void read_search(const snapshot_source& from, std::int32_t keyframe, sear
   from.read("sft_neigh", out.neighbours);
   from.posed("sft_neigh", out.neighbours);
   const std::size_t n = out.neighbours.size();
-  from.read("sft_baseline", out.baseline, n);
-  from.read("sft_Ow1_used", out.centre_used, n);
+  from.read_finite("sft_baseline", out.baseline, n);
+  from.read_finite("sft_Ow1_used", out.centre_used, n);
   from.read("sft_skipped", out.skipped, n);
-  from.check.finite("sft_baseline", out.baseline);
-  from.check.finite("sft_Ow1_used", out.centre_used);
   from.read_shape("sft_mask1", out.mask1, {n, static_cast<std::size_t>(from.keypoint_count(keyframe))});
   from.read("sft_mask2", out.mask2);
   from.read_offsets("sft_mask2_off", out.mask2_off, n, out.mask2.size());

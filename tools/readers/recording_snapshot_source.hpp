@@ -51,6 +51,12 @@ struct snapshot_source {
     read(name, rows);
     check.size(name, rows.size(), expected);
   }
+  /// All of its numbers are finite.
+  template <class Row, class... Expected>
+  void read_finite(const char* name, std::vector<Row>& rows, Expected... expected) const {
+    read(name, rows, expected...);
+    check.finite(name, rows);
+  }
   /// An array of several dimensions, row-major.
   template <class T>
   void read_shape(const char* name, std::vector<T>& values, const std::vector<std::size_t>& expected) const {
