@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <exception>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -25,6 +24,7 @@
 #include "progress.hpp"
 #include "replay/replayed_map.hpp"
 #include "replay/stage_times.hpp"
+#include "run_program.hpp"
 
 namespace {
 
@@ -132,7 +132,7 @@ turbomap::local_mapper_options parity(const turbomap::recording_meta& meta) {
 
 }  // namespace
 
-int main(int argc, char** argv) try {
+int main(int argc, char** argv) {
   std::string path;
   bool each = false;
   CLI::App app(
@@ -146,66 +146,60 @@ int main(int argc, char** argv) try {
          "folder of a recording with one rectified stereo camera and visual words (not one of turbomap-extract)")
       ->required();
   app.add_flag("--each", each, "compare after each keyframe, and stop at the first that differs");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    if (e.get_exit_code() == 0) return app.exit(e);  // --help
-    throw;
-  }
-  const turbomap::recording recording = turbomap::read_recording(path);
-  const auto& meta = recording.meta;
-  if (meta.is_fisheye() || !(meta.bf > 0))
-    throw std::invalid_argument(path + ": is not of one rectified stereo camera");
-  if (std::all_of(recording.kp_node.begin(), recording.kp_node.end(),
-                  [](auto word) { return word == turbomap::keypoint::no_group; }))
-    throw std::invalid_argument(path + ": has no visual words: by hand only keypoints of one word are compared");
-  before hand(recording, parity(meta));
-  after same(recording, parity(meta)), own(recording, defaults(meta));
-  per_stage<turbomap::duration_statistics> times[3];
-  turbomap::duration_statistics totals[3], counting;
-  std::optional<turbomap_program::progress> bar;
-  bar.emplace("before and after", recording.keyframe_count());
-  for (std::size_t n = 0; n < recording.keyframe_count(); ++n, bar->advance()) {
-    const auto i = static_cast<std::int32_t>(n);
-    const per_stage<double> ms[]{hand.process(recording, i), same.process(recording, i), own.process(recording, i)};
-    if (n >= turbomap_replay::warm_up) counting.add(hand.covisible_ms());
-    for (int m = 0; m < 3 && n >= turbomap_replay::warm_up; ++m) {
-      double total = 0;
-      for (std::size_t s = 0; s < turbomap::mapping_stages; ++s)
-        times[m].values[s].add(ms[m].values[s]), total += ms[m].values[s];
-      totals[m].add(total);
+  return turbomap_program::run_program(app, argc, argv, [&] {
+    const turbomap::recording recording = turbomap::read_recording(path);
+    const auto& meta = recording.meta;
+    if (meta.is_fisheye() || !(meta.bf > 0))
+      throw std::invalid_argument(path + ": is not of one rectified stereo camera");
+    if (std::all_of(recording.kp_node.begin(), recording.kp_node.end(),
+                    [](auto word) { return word == turbomap::keypoint::no_group; }))
+      throw std::invalid_argument(path + ": has no visual words: by hand only keypoints of one word are compared");
+    before hand(recording, parity(meta));
+    after same(recording, parity(meta)), own(recording, defaults(meta));
+    per_stage<turbomap::duration_statistics> times[3];
+    turbomap::duration_statistics totals[3], counting;
+    std::optional<turbomap_program::progress> bar;
+    bar.emplace("before and after", recording.keyframe_count());
+    for (std::size_t n = 0; n < recording.keyframe_count(); ++n, bar->advance()) {
+      const auto i = static_cast<std::int32_t>(n);
+      const per_stage<double> ms[]{hand.process(recording, i), same.process(recording, i), own.process(recording, i)};
+      if (n >= turbomap_replay::warm_up) counting.add(hand.covisible_ms());
+      for (int m = 0; m < 3 && n >= turbomap_replay::warm_up; ++m) {
+        double total = 0;
+        for (std::size_t s = 0; s < turbomap::mapping_stages; ++s)
+          times[m].values[s].add(ms[m].values[s]), total += ms[m].values[s];
+        totals[m].add(total);
+      }
+      if (each && !compare(hand.world.map(), same.world.map()).equal()) {
+        bar.reset();
+        std::printf("the maps differ after keyframe %zu\n", n);
+        break;
+      }
     }
-    if (each && !compare(hand.world.map(), same.world.map()).equal()) {
-      bar.reset();
-      std::printf("the maps differ after keyframe %zu\n", n);
-      break;
-    }
-  }
-  bar.reset();
-  std::printf("%-18s %12s %12s %8s %12s %8s\n", "mean ms", "by hand", "same rules", "ratio", "defaults", "ratio");
-  const auto line = [](const char* name, double a, double b, double c) {
-    std::printf("%-18s %12.3f %12.3f %7.1fx %12.3f %7.1fx\n", name, a, b, a / b, c, a / c);
-  };
-  for (std::size_t s = 0; s < turbomap::mapping_stages; ++s)
-    if (const auto stage = static_cast<mapping_stage>(s); stage != mapping_stage::adjustment)
-      line(turbomap::to_string(stage), times[0].values[s].mean(), times[1].values[s].mean(), times[2].values[s].mean());
-  std::printf("%-18s %12.3f   in the stages of the library, and kept in a graph by most systems\n", "shared points",
-              counting.mean());
-  line("total without it", totals[0].mean(), totals[1].mean(), totals[2].mean());
-  const auto d = compare(hand.world.map(), same.world.map());
-  std::printf(
-      "keyframes %zu and %zu, points %zu and %zu\n"
-      "by hand and with the same rules: %s (keyframes %s; %zu points differ in existence, %zu in their observations, "
-      "%zu in their descriptors; positions by %.1e m at most, normals and ranges by %.1e)\n",
-      hand.world.map().keyframe_count(), same.world.map().keyframe_count(), hand.world.map().point_count(),
-      same.world.map().point_count(), d.equal() ? "the same map" : "NOT the same map",
-      d.keyframes == 0 ? "equal" : "differ", d.points, d.observations, d.descriptors, d.position_m, d.appearance);
-  std::size_t faults = 0;
-  for (const map_type* map : {&hand.world.map(), &same.world.map(), &own.world.map()})
-    faults += turbomap::validate(*map).size();
-  std::printf("faults in the three maps: %zu\n", faults);
-  return d.equal() && faults == 0 ? 0 : 1;
-} catch (const std::exception& e) {
-  std::fprintf(stderr, "turbomap-before-after: %s\n", e.what());
-  return 2;
+    bar.reset();
+    std::printf("%-18s %12s %12s %8s %12s %8s\n", "mean ms", "by hand", "same rules", "ratio", "defaults", "ratio");
+    const auto line = [](const char* name, double a, double b, double c) {
+      std::printf("%-18s %12.3f %12.3f %7.1fx %12.3f %7.1fx\n", name, a, b, a / b, c, a / c);
+    };
+    for (std::size_t s = 0; s < turbomap::mapping_stages; ++s)
+      if (const auto stage = static_cast<mapping_stage>(s); stage != mapping_stage::adjustment)
+        line(turbomap::to_string(stage), times[0].values[s].mean(), times[1].values[s].mean(),
+             times[2].values[s].mean());
+    std::printf("%-18s %12.3f   in the stages of the library, and kept in a graph by most systems\n", "shared points",
+                counting.mean());
+    line("total without it", totals[0].mean(), totals[1].mean(), totals[2].mean());
+    const auto d = compare(hand.world.map(), same.world.map());
+    std::printf(
+        "keyframes %zu and %zu, points %zu and %zu\n"
+        "by hand and with the same rules: %s (keyframes %s; %zu points differ in existence, %zu in their observations, "
+        "%zu in their descriptors; positions by %.1e m at most, normals and ranges by %.1e)\n",
+        hand.world.map().keyframe_count(), same.world.map().keyframe_count(), hand.world.map().point_count(),
+        same.world.map().point_count(), d.equal() ? "the same map" : "NOT the same map",
+        d.keyframes == 0 ? "equal" : "differ", d.points, d.observations, d.descriptors, d.position_m, d.appearance);
+    std::size_t faults = 0;
+    for (const map_type* map : {&hand.world.map(), &same.world.map(), &own.world.map()})
+      faults += turbomap::validate(*map).size();
+    std::printf("faults in the three maps: %zu\n", faults);
+    return d.equal() && faults == 0 ? 0 : 1;
+  });
 }

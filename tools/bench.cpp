@@ -5,8 +5,7 @@
 /// turbomap-bench: every stage against its sequential oracle, interleaved in one run. See docs/programs.md.
 
 #include <cstdio>
-#include <fstream>
-#include <stdexcept>
+#include <string>
 
 #include <CLI/CLI.hpp>
 
@@ -16,8 +15,10 @@
 #include "bench/run.hpp"
 #include "bench/run_adjustment.hpp"
 #include "host_policy.hpp"
+#include "run_program.hpp"
 #include "simulation/simulate.hpp"
 #include "simulation/walks.hpp"
+#include "write_json.hpp"
 
 namespace {
 
@@ -62,9 +63,10 @@ nlohmann::json run(const turbomap_bench::arguments& a, std::string& machine) {
 
 }  // namespace
 
-int main(int argc, char** argv) try {
+int main(int argc, char** argv) {
   turbomap_bench::arguments a;
-  CLI::App app("Times every stage of TurboMap against its sequential oracle, interleaved in one run.");
+  CLI::App app("Times every stage of TurboMap against its sequential oracle, interleaved in one run.",
+               "turbomap-bench");
   app.footer(
       "Examples:\n"
       "  turbomap-bench                      all stages, sequential\n"
@@ -82,34 +84,23 @@ int main(int argc, char** argv) try {
   app.add_option("--json", a.json, "write the result to this file");
   app.add_option("--repetitions", a.repetitions, "samples of each stage, at least 30 to quote them")
       ->check(CLI::Range(1, 100000));
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    if (e.get_exit_code() == 0) return app.exit(e);  // --help
-    throw;
-  }
-  std::string machine = turbomap_bench::processor_name();
-  nlohmann::json result;
-  result["stages"] = run(a, machine);
-  result["machine"] = machine;
-  result["policy"] = a.policy;
-  std::printf("%s, policy %s, medians of %d\n%-29s %12s %12s %8s %12s\n", machine.c_str(), a.policy.c_str(),
-              a.repetitions, "stage (ms)", "ours", "oracle", "ratio", "floor");
-  for (const auto& [name, s] : result["stages"].items()) {
-    std::printf("%-29s %12.4f", name.c_str(), s["ms_median"].get<double>());
-    if (s.contains("ratio"))
-      std::printf(" %12.4f %7.1fx", s["oracle_ms_median"].get<double>(), s["ratio"].get<double>());
-    else
-      std::printf(" %12s %8s", "-", "-");
-    std::printf(" %12.4f\n", s.value("floor_ms", 0.0));
-  }
-  if (!a.json.empty()) {
-    std::ofstream file(a.json);
-    file << result.dump(2) << '\n';
-    if (!file.flush()) throw std::runtime_error(a.json + ": cannot be written");
-  }
-  return 0;
-} catch (const std::exception& e) {
-  std::fprintf(stderr, "turbomap-bench: %s\n", e.what());
-  return 2;
+  return turbomap_program::run_program(app, argc, argv, [&] {
+    std::string machine = turbomap_bench::processor_name();
+    nlohmann::json result;
+    result["stages"] = run(a, machine);
+    result["machine"] = machine;
+    result["policy"] = a.policy;
+    std::printf("%s, policy %s, medians of %d\n%-29s %12s %12s %8s %12s\n", machine.c_str(), a.policy.c_str(),
+                a.repetitions, "stage (ms)", "ours", "oracle", "ratio", "floor");
+    for (const auto& [name, s] : result["stages"].items()) {
+      std::printf("%-29s %12.4f", name.c_str(), s["ms_median"].get<double>());
+      if (s.contains("ratio"))
+        std::printf(" %12.4f %7.1fx", s["oracle_ms_median"].get<double>(), s["ratio"].get<double>());
+      else
+        std::printf(" %12s %8s", "-", "-");
+      std::printf(" %12.4f\n", s.value("floor_ms", 0.0));
+    }
+    turbomap_program::write_json(a.json, result);
+    return 0;
+  });
 }

@@ -8,8 +8,8 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdio>
-#include <fstream>
 #include <stdexcept>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -18,7 +18,10 @@
 #include <thrust/execution_policy.h>
 
 #include "bundle/ceres_solver.hpp"
+#include "bundle/options.hpp"
 #include "bundle/run.hpp"
+#include "run_program.hpp"
+#include "write_json.hpp"
 
 namespace {
 
@@ -64,7 +67,7 @@ struct compare {
 
 }  // namespace
 
-int main(int argc, char** argv) try {
+int main(int argc, char** argv) {
   arguments a;
   CLI::App app("Adjusts one problem by TurboMap and by Ceres Solver.", "turbomap-ceres-bundle");
   app.footer(
@@ -72,39 +75,14 @@ int main(int argc, char** argv) try {
       "  turbomap-ceres-bundle synthetic-lba/30-20-6000 --repeat 3\n"
       "  turbomap-ceres-bundle bal-ladybug-49/problem-49-7776-pre.txt --iterations 50");
   app.add_option("input", a.input, "file or folder of the problem, as for turbomap-bundle")->required();
-  app.add_option("--solver", a.solver, "of the reduced system")
-      ->check(CLI::IsMember({"automatic", "dense", "sparse", "pcg"}));
-  app.add_option("--precision", a.precision, "numbers that TurboMap computes in")
-      ->check(CLI::IsMember({"float64", "mixed", "float32"}));
-  app.add_option("--kernel", a.kernel, "none for bal, else huber when not given")
-      ->check(CLI::IsMember({"huber", "none"}));
-  app.add_option("--iterations", a.iterations, "at most so many")->check(CLI::NonNegativeNumber);
-  app.add_option("--damping", a.damping, "of H: lambda I, or lambda diag(H), which is the default but for lba")
-      ->check(CLI::IsMember({"identity", "diagonal"}));
-  app.add_option("--lambda-scale", a.lambda_scale,
-                 "first damping: 1e-5 of the largest diagonal element, or 1e-4 of each, when not given")
-      ->check(CLI::PositiveNumber);
+  add_options(app, a);
   app.add_option("--repeat", a.repeat, "adjust so many times in turns; times are medians")->check(CLI::PositiveNumber);
-  app.add_option("--perturb-m", a.perturb_m, "noise added to free positions and landmarks (not bal)");
-  app.add_option("--perturb-rad", a.perturb_rad, "noise added to free rotations (not bal)");
-  app.add_option("--json", a.json, "write the result to this file");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    if (e.get_exit_code() == 0) return app.exit(e);  // --help
-    throw;
-  }
-  const std::string format = format_of(a.input);
-  auto json = std::visit(compare{with_damping(a, format)}, load(a, format));
-  json["file"] = a.input.string();
-  std::printf("%s\n", json.dump(2).c_str());
-  if (!a.json.empty()) {
-    std::ofstream file(a.json);
-    file << json.dump(2) << '\n';
-    if (!file.flush()) throw std::runtime_error(a.json.string() + ": cannot be written");
-  }
-  return 0;
-} catch (const std::exception& e) {
-  std::fprintf(stderr, "turbomap-ceres-bundle: %s\n", e.what());
-  return 2;
+  return turbomap_program::run_program(app, argc, argv, [&] {
+    const std::string format = format_of(a.input);
+    auto json = std::visit(compare{with_damping(a, format)}, load(a, format));
+    json["file"] = a.input.string();
+    std::printf("%s\n", json.dump(2).c_str());
+    turbomap_program::write_json(a.json, json);
+    return 0;
+  });
 }

@@ -8,11 +8,11 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
-#include <exception>
 #include <string>
 
 #include "evaluation/euroc_map.hpp"
 #include "evaluation/euroc_map_fusion.hpp"
+#include "run_program.hpp"
 
 namespace {
 
@@ -103,8 +103,7 @@ int main(int argc, char** argv) {
   app.add_option("--max-distance", options.max_distance, "Largest descriptor distance")
       ->check(CLI::Range(0, 384))
       ->capture_default_str();
-  try {
-    app.parse(argc, argv);
+  return turbomap_program::run_program(app, argc, argv, [&] {
     const keyframe_map map = read_keyframe_map(file);
     std::printf("%zu keyframes, %zu landmarks\n", map.keyframes.size(), map.landmarks.size());
     for (const double sigma : {1.0, 2.0}) {
@@ -114,12 +113,6 @@ int main(int argc, char** argv) {
     }
     for (const double sigma : {1.0, 2.0})
       report_fusion(map, {options.max_distance, sigma, turbomap::merge_rule::refuse});
-  } catch (const CLI::ParseError& error) {
-    return error.get_exit_code() == 0 ? app.exit(error)
-                                      : (std::fprintf(stderr, "turbomap-evaluate-euroc-map: %s\n", error.what()), 2);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "turbomap-evaluate-euroc-map: %s\n", error.what());
-    return 2;
-  }
-  return 0;
+    return 0;
+  });
 }

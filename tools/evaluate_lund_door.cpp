@@ -6,10 +6,10 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <exception>
 #include <string>
 
 #include "evaluation/lund_door_evaluator.hpp"
+#include "run_program.hpp"
 
 namespace {
 
@@ -52,18 +52,11 @@ int main(int argc, char** argv) {
   app.add_option("--neighbours", options.neighbours, "Neighbours a photograph")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  try {
-    app.parse(argc, argv);
+  return turbomap_program::run_program(app, argc, argv, [&] {
     const auto model = turbomap::read_colmap_model(folder + "/colmap_ground_truth");
     const auto photos = read_photos(folder + "/images", model, options.features);
     report<turbomap::brown_conrady<double>>("raw", model, photos, options);
     report<turbomap::pinhole<double>>("undistorted", model, photos, options);
-  } catch (const CLI::ParseError& error) {
-    return error.get_exit_code() == 0 ? app.exit(error)
-                                      : (std::fprintf(stderr, "turbomap-evaluate-lund-door: %s\n", error.what()), 2);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "turbomap-evaluate-lund-door: %s\n", error.what());
-    return 2;
-  }
-  return 0;
+    return 0;
+  });
 }

@@ -6,17 +6,15 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <exception>
 #include <string>
-#include <utility>
 
 #include <CLI/CLI.hpp>
 
 #include <turbomap/io/recording_writer.hpp>
 
 #include "extraction/extract.hpp"
-#include "fail.hpp"
 #include "progress.hpp"
+#include "run_program.hpp"
 #include "simulation/keyframe_rules.hpp"
 
 namespace {
@@ -45,8 +43,6 @@ void run(const arguments& args) {
               args.out.c_str(), r.keyframe_count(), data.images.size(), r.kp_xy.size(),
               100 * static_cast<double>(stereo) / keypoints, 100 * static_cast<double>(r.assoc_kp.size()) / keypoints);
 }
-
-int fail(std::string message) { return turbomap_program::fail("turbomap-extract", std::move(message)); }
 
 }  // namespace
 
@@ -82,15 +78,10 @@ int main(int argc, char** argv) {
   app.add_option("--close", o.close_depth, "Stereo points beyond so many baselines are far")
       ->check(CLI::Range(1.0, 1e6))
       ->capture_default_str();
-  try {
-    app.parse(argc, argv);
+  return turbomap_program::run_program(app, argc, argv, [&] {
     // The simulator's ratio of turn and way.
     o.motion.drift_radians_per_metre = 0.2 * o.motion.drift_metres_per_metre;
     run(args);
-  } catch (const CLI::ParseError& error) {
-    return error.get_exit_code() == 0 ? app.exit(error) : fail(error.what());
-  } catch (const std::exception& error) {
-    return fail(error.what());
-  }
-  return 0;
+    return 0;
+  });
 }

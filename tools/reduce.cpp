@@ -5,25 +5,19 @@
 /// turbomap-reduce: shrinks a recording to the few keyframes that a failure needs.
 
 #include <cstdio>
-#include <exception>
 #include <filesystem>
+#include <stdexcept>
 #include <string>
-#include <utility>
+#include <system_error>
 
 #include <CLI/CLI.hpp>
 
 #include <turbomap/io/recording.hpp>
 
-#include "fail.hpp"
 #include "reduce/reduce.hpp"
+#include "run_program.hpp"
 
-namespace {
-
-int fail(std::string message) { return turbomap_program::fail("turbomap-reduce", std::move(message)); }
-
-}  // namespace
-
-int main(int argc, char** argv) try {
+int main(int argc, char** argv) {
   std::string recording, out, command;
   int status = -1;
   CLI::App app("Shrinks a recording to the few keyframes with which a command still fails.", "turbomap-reduce");
@@ -38,30 +32,25 @@ int main(int argc, char** argv) try {
   app.add_option("--command", command, "Shell command that fails; {} stands for the recording")->required();
   app.add_option("--status", status, "Exit status of the failure (not given: the command's on the whole recording)")
       ->check(CLI::Range(1, 255));
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return error.get_exit_code() == 0 ? app.exit(error) : fail(error.what());
-  }
-  if (command.find("{}") == std::string::npos) return fail("--command: has no {} for the recording");
-  std::error_code ignored;
-  if (std::filesystem::exists(out, ignored) && std::filesystem::equivalent(recording, out, ignored))
-    return fail("--out: is the recording itself");
-  if (std::filesystem::exists(out, ignored) &&
-      !std::filesystem::exists(std::filesystem::path(out) / "meta.json", ignored))
-    return fail("--out: " + out + " is there, and is no recording");
+  return turbomap_program::run_program(app, argc, argv, [&] {
+    if (command.find("{}") == std::string::npos) throw std::invalid_argument("--command: has no {} for the recording");
+    std::error_code ignored;
+    if (std::filesystem::exists(out, ignored) && std::filesystem::equivalent(recording, out, ignored))
+      throw std::invalid_argument("--out: is the recording itself");
+    if (std::filesystem::exists(out, ignored) &&
+        !std::filesystem::exists(std::filesystem::path(out) / "meta.json", ignored))
+      throw std::invalid_argument("--out: " + out + " is there, and is no recording");
 
-  const turbomap::recording whole = turbomap::read_recording(recording);
-  const auto tell = [&](const turbomap_reduce::reduction& so_far) {
-    std::fprintf(stderr, "turbomap-reduce: %zu of %zu keyframes fail, after %zu runs\n", so_far.kept.size(),
-                 whole.keyframe_count(), so_far.runs);
-  };
-  const auto found = turbomap_reduce::reduce(whole, command, out, status, tell);
-  std::printf("%s: %zu of %zu keyframes, status %d, %zu runs of the command; kept:", out.c_str(), found.kept.size(),
-              whole.keyframe_count(), found.status, found.runs);
-  for (const std::size_t k : found.kept) std::printf(" %zu", k);
-  std::printf("\n");
-  return 0;
-} catch (const std::exception& error) {
-  return fail(error.what());
+    const turbomap::recording whole = turbomap::read_recording(recording);
+    const auto tell = [&](const turbomap_reduce::reduction& so_far) {
+      std::fprintf(stderr, "turbomap-reduce: %zu of %zu keyframes fail, after %zu runs\n", so_far.kept.size(),
+                   whole.keyframe_count(), so_far.runs);
+    };
+    const auto found = turbomap_reduce::reduce(whole, command, out, status, tell);
+    std::printf("%s: %zu of %zu keyframes, status %d, %zu runs of the command; kept:", out.c_str(), found.kept.size(),
+                whole.keyframe_count(), found.status, found.runs);
+    for (const std::size_t k : found.kept) std::printf(" %zu", k);
+    std::printf("\n");
+    return 0;
+  });
 }

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <charconv>
 #include <cstdio>
-#include <fstream>
 #include <set>
 #include <sstream>
 #include <stdexcept>
@@ -20,6 +19,8 @@
 #include "replay/arguments.hpp"
 #include "replay/many_mappers.hpp"
 #include "replay/print_outcome.hpp"
+#include "run_program.hpp"
+#include "write_json.hpp"
 
 namespace {
 
@@ -108,11 +109,11 @@ void choose_stages(const std::string& list, arguments& a) {
 
 }  // namespace
 
-int main(int argc, char** argv) try {
+int main(int argc, char** argv) {
   arguments a;
   std::string stages;
-  CLI::App app(
-      "Replays a recording of local mapping through the stages of TurboMap, or checks every stage against it.");
+  CLI::App app("Replays a recording of local mapping through the stages of TurboMap, or checks every stage against it.",
+               "turbomap-replay");
   app.footer(
       "Examples:\n"
       "  turbomap-replay                                   the built-in recording, times of every stage\n"
@@ -238,72 +239,62 @@ int main(int argc, char** argv) try {
   app.add_option("--perturb", a.perturb, "move the poses that come in by 1e-6 m at random, with this seed; 0: not")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--repeat", a.repeat, "replay so many times and time all of them")->check(CLI::PositiveNumber);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    if (e.get_exit_code() == 0) return app.exit(e);  // --help
-    throw;
-  }
-  if (!stages.empty()) choose_stages(stages, a);
-  a.queue = a.queue || rate->count() != 0;
-  a.objects = map == "objects";
-  a.balanced = preset == "balanced", a.accurate = preset == "accurate";
-  if ((a.balanced || a.accurate) && global.empty()) global = "end";
-  if ((a.balanced || a.accurate) && rounds->count() == 0) a.global_rounds = 3;
-  a.global_end = global == "end";
-  if (!global.empty() && !a.global_end) a.global_every = std::stoi(global);
-  const bool cuda = a.policy == "cuda" || std::count(a.beside.begin(), a.beside.end(), "cuda") != 0;
-  if (a.objects && (a.check || cuda))
-    throw std::invalid_argument("--map objects: not together with --check or the policy cuda");
-  if (a.accurate && a.culling_observers >= 0 && a.culling_share < 0)
-    throw std::invalid_argument("--culling-observers: with --preset accurate not without --culling-share");
-  const auto chosen = [](const CLI::Option* option, bool value) {
-    using turbomap_replay::choice;
-    return option->count() == 0 ? choice::by_recording : value ? choice::yes : choice::no;
-  };
-  a.imu = chosen(imu, uses_imu), a.pixel_centres = chosen(pixel_centres, centres);
-  if (centres && a.check) throw std::invalid_argument("--pixel-centres: not together with --check");
-  if (a.error_parts && a.check) throw std::invalid_argument("--error-parts: not together with --check");
-  if (!a.right_distortion.empty() && a.check)
-    throw std::invalid_argument("--right-distortion: not together with --check");
-  if (a.check) a.pixel_centres = turbomap_replay::choice::no;
-  if (a.check) {
-    if (uses_imu) throw std::invalid_argument("--imu: not together with --check");
-    if (a.imu == turbomap_replay::choice::by_recording) a.without_imu = "--check";
-    a.imu = turbomap_replay::choice::no;
-  }
-  if (a.imu == turbomap_replay::choice::no && a.imu_noise != 1)
-    throw std::invalid_argument("--imu-noise: the replay is without an IMU");
-  a.growth = a.growth || !a.growth_file.empty();
-  a.projected = associate == "projected";
-  a.uncertain_tracking = points == "uncertain" || a.balanced || a.accurate, a.uncertain_fusion = fused == "uncertain";
-  if (a.recording.empty()) a.recording = demo_recording(argv[0]);
+  return turbomap_program::run_program(app, argc, argv, [&] {
+    if (!stages.empty()) choose_stages(stages, a);
+    a.queue = a.queue || rate->count() != 0;
+    a.objects = map == "objects";
+    a.balanced = preset == "balanced", a.accurate = preset == "accurate";
+    if ((a.balanced || a.accurate) && global.empty()) global = "end";
+    if ((a.balanced || a.accurate) && rounds->count() == 0) a.global_rounds = 3;
+    a.global_end = global == "end";
+    if (!global.empty() && !a.global_end) a.global_every = std::stoi(global);
+    const bool cuda = a.policy == "cuda" || std::count(a.beside.begin(), a.beside.end(), "cuda") != 0;
+    if (a.objects && (a.check || cuda))
+      throw std::invalid_argument("--map objects: not together with --check or the policy cuda");
+    if (a.accurate && a.culling_observers >= 0 && a.culling_share < 0)
+      throw std::invalid_argument("--culling-observers: with --preset accurate not without --culling-share");
+    const auto chosen = [](const CLI::Option* option, bool value) {
+      using turbomap_replay::choice;
+      return option->count() == 0 ? choice::by_recording : value ? choice::yes : choice::no;
+    };
+    a.imu = chosen(imu, uses_imu), a.pixel_centres = chosen(pixel_centres, centres);
+    if (centres && a.check) throw std::invalid_argument("--pixel-centres: not together with --check");
+    if (a.error_parts && a.check) throw std::invalid_argument("--error-parts: not together with --check");
+    if (!a.right_distortion.empty() && a.check)
+      throw std::invalid_argument("--right-distortion: not together with --check");
+    if (a.check) a.pixel_centres = turbomap_replay::choice::no;
+    if (a.check) {
+      if (uses_imu) throw std::invalid_argument("--imu: not together with --check");
+      if (a.imu == turbomap_replay::choice::by_recording) a.without_imu = "--check";
+      a.imu = turbomap_replay::choice::no;
+    }
+    if (a.imu == turbomap_replay::choice::no && a.imu_noise != 1)
+      throw std::invalid_argument("--imu-noise: the replay is without an IMU");
+    a.growth = a.growth || !a.growth_file.empty();
+    a.projected = associate == "projected";
+    a.uncertain_tracking = points == "uncertain" || a.balanced || a.accurate, a.uncertain_fusion = fused == "uncertain";
+    if (a.recording.empty()) a.recording = demo_recording(argv[0]);
 
-  if (a.beside == std::vector<std::string>{"all"}) a.beside = other_policies(a.policy);
-  if (a.check && !a.beside.empty()) throw std::invalid_argument("--beside: not together with --check");
+    if (a.beside == std::vector<std::string>{"all"}) a.beside = other_policies(a.policy);
+    if (a.check && !a.beside.empty()) throw std::invalid_argument("--beside: not together with --check");
 
-  if (mappers > 1) {  // what is of one replay
-    const std::pair<const char*, bool> of_one[] = {{"--check", a.check},
-                                                   {"--beside", !a.beside.empty()},
-                                                   {"--growth", a.growth},
-                                                   {"--report", !a.report.empty()},
-                                                   {"--ply", !a.ply.empty()},
-                                                   {"--trajectory", !a.trajectory.empty()},
-                                                   {"--error-parts", a.error_parts},
-                                                   {"--merge-causes", a.merge_causes}};
-    for (const auto& [name, given] : of_one)
-      if (given) throw std::invalid_argument(std::string(name) + ": not together with --mappers");
-  }
-  outcome result = mappers > 1 ? turbomap_replay::replay_side_by_side(a, mappers, run) : run(a);
-  if (a.check) std::printf("%s\n%s\n", result.json.dump(2).c_str(), result.good ? "check: all agree" : "check: FAILED");
-  if (!a.beside.empty()) run_beside(a, result);
-  if (!a.json.empty()) {
-    std::ofstream file(a.json);
-    file << result.json.dump(2) << '\n';
-    if (!file.flush()) throw std::runtime_error(a.json.string() + ": cannot be written");
-  }
-  return result.good ? 0 : 1;
-} catch (const std::exception& e) {
-  std::fprintf(stderr, "turbomap-replay: %s\n", e.what());
-  return 2;
+    if (mappers > 1) {  // what is of one replay
+      const std::pair<const char*, bool> of_one[] = {{"--check", a.check},
+                                                     {"--beside", !a.beside.empty()},
+                                                     {"--growth", a.growth},
+                                                     {"--report", !a.report.empty()},
+                                                     {"--ply", !a.ply.empty()},
+                                                     {"--trajectory", !a.trajectory.empty()},
+                                                     {"--error-parts", a.error_parts},
+                                                     {"--merge-causes", a.merge_causes}};
+      for (const auto& [name, given] : of_one)
+        if (given) throw std::invalid_argument(std::string(name) + ": not together with --mappers");
+    }
+    outcome result = mappers > 1 ? turbomap_replay::replay_side_by_side(a, mappers, run) : run(a);
+    if (a.check)
+      std::printf("%s\n%s\n", result.json.dump(2).c_str(), result.good ? "check: all agree" : "check: FAILED");
+    if (!a.beside.empty()) run_beside(a, result);
+    turbomap_program::write_json(a.json, result.json);
+    return result.good ? 0 : 1;
+  });
 }

@@ -6,17 +6,15 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <exception>
 #include <optional>
 #include <string>
-#include <utility>
 
 #include <CLI/CLI.hpp>
 
 #include <turbomap/io/recording_writer.hpp>
 
-#include "fail.hpp"
 #include "progress.hpp"
+#include "run_program.hpp"
 #include "simulation/calibration_file.hpp"
 #include "simulation/keyframe_rules.hpp"
 #include "simulation/simulate.hpp"
@@ -69,8 +67,6 @@ void run(const arguments& args, int features) {
               r.keyframe_count(), r.kp_xy.size(), 100 * mapped, r.sim_point_xyz.size());
 }
 
-int fail(std::string message) { return turbomap_program::fail("turbomap-simulate", std::move(message)); }
-
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -114,13 +110,8 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();
   turbomap::simulation::add_keyframe_rules(app, o.motion);
-  try {
-    app.parse(argc, argv);
+  return turbomap_program::run_program(app, argc, argv, [&] {
     run(args, features);
-  } catch (const CLI::ParseError& error) {
-    return error.get_exit_code() == 0 ? app.exit(error) : fail(error.what());
-  } catch (const std::exception& error) {
-    return fail(error.what());
-  }
-  return 0;
+    return 0;
+  });
 }

@@ -1,0 +1,38 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// How every program reads its command line, and says what is wrong with its input.
+
+#include <algorithm>
+#include <cstdio>
+#include <exception>
+#include <string>
+
+#include <CLI/CLI.hpp>
+
+namespace turbomap_program {
+
+/// Parses the command line, and calls run(), which returns the exit status. What is thrown becomes one line on stderr, whatever
+/// the message was.
+/// \param app  named as the program is
+/// \return the exit status: 2 where something was thrown, 0 after --help
+template <class Run>
+int run_program(CLI::App& app, int argc, char** argv, Run run) {
+  std::string message;
+  try {
+    app.parse(argc, argv);
+    return run();
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) return app.exit(error);  // --help
+    message = error.what();
+  } catch (const std::exception& error) {
+    message = error.what();
+  }
+  std::replace(message.begin(), message.end(), '\n', ' ');
+  std::fprintf(stderr, "%s: %s\n", app.get_name().c_str(), message.c_str());
+  return 2;
+}
+
+}  // namespace turbomap_program
