@@ -66,14 +66,17 @@ class levenberg_marquardt {
     if (data_.observations == 0) return adjustment_end::no_observations;
     if (!data_.finite) return adjustment_end::not_finite;
     const bool nothing_free = data_.structure.free_frames == 0 && !data_.landmarks_move();
+    reduced_solver chosen{};
+    if (!nothing_free) {  // first: lists are made while the host waits for the cost
+      chosen = choose_solver<Solvers>(ctx_, data_, options_);
+      if (chosen != reduced_solver::pcg) equations_.now().need_blocks(ctx_, chosen == reduced_solver::dense);
+    }
     const double cost =
         equations_.evaluate(data_.estimate.current(), options_.max_iterations > 0 && !nothing_free && !stopped());
     summary_.cost_initial = summary_.cost_final = cost;
     if (!detail::is_finite(cost)) return adjustment_end::not_finite;
     summary_.undefined = equations_.now().undefined();
     if (nothing_free) return adjustment_end::nothing_free;
-    const reduced_solver chosen = choose_solver<Solvers>(ctx_, data_, options_);
-    if (chosen != reduced_solver::pcg) equations_.now().need_blocks(ctx_, chosen == reduced_solver::dense);
     const schur_view<A>& s = equations_.now().view();
     if constexpr (Solvers::has(reduced_solver::dense))
       if (chosen == reduced_solver::dense)

@@ -68,16 +68,35 @@ __device__ inline void sum_numbers(const A (&x)[N], A (&mine)[sums_per_lane<Widt
   detail::sum_halves<Width>(padded, mine);
 }
 
-/// The same over a whole warp, written to `out`.
+namespace detail {
+
+/// Sums of N numbers, of which the first `count` count, over `Lanes` lanes, to out[first...]. As sum_halves(), but the numbers
+/// need not be as many as the lanes, nor a multiple of them.
+template <int Lanes, int N, class A>
+__device__ inline void write_sums(const A (&x)[N], int first, int count, double* out) {
+  if constexpr (Lanes == 1) {
+#pragma unroll
+    for (int i = 0; i < N; ++i)
+      if (i < count) out[first + i] = static_cast<double>(x[i]);
+  } else {
+    constexpr int half = (N + 1) / 2;
+    const bool upper = (threadIdx.x & (Lanes / 2)) != 0;
+    A kept[half];
+#pragma unroll
+    for (int i = 0; i < half; ++i) {
+      const A other = i + half < N ? x[i + half < N ? i + half : 0] : A(0);
+      kept[i] = (upper ? other : x[i]) + __shfl_xor_sync(whole_warp, upper ? x[i] : other, Lanes / 2);
+    }
+    write_sums<Lanes / 2>(kept, upper ? first + half : first, upper ? count - half : count < half ? count : half, out);
+  }
+}
+
+}  // namespace detail
+
+/// The sums of N numbers over a whole warp, written to `out`. About N exchanges.
 template <int N, class A>
 __device__ inline void sum_warp(const A (&x)[N], double* out) {
-  constexpr int per_lane = sums_per_lane<warp_size, N>;
-  A mine[per_lane];
-  sum_numbers<warp_size>(x, mine);
-  const int first = static_cast<int>(threadIdx.x) % warp_size * per_lane;
-#pragma unroll
-  for (int i = 0; i < per_lane; ++i)
-    if (first + i < N) out[first + i] = static_cast<double>(mine[i]);
+  detail::write_sums<warp_size>(x, 0, N, out);
 }
 
 TURBOMAP_END_NAMESPACE

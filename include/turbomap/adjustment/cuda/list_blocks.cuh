@@ -57,6 +57,7 @@ struct enter_slot {
 /// \tparam Write  the lists; else their lengths
 template <class Tuning, bool Write>
 __global__ void __launch_bounds__(Tuning::threads) list_pairs_kernel(block_listing w) {
+  begin_early();
   const int warp = (static_cast<int>(blockIdx.x) * Tuning::threads + static_cast<int>(threadIdx.x)) / warp_size;
   const int lane = static_cast<int>(threadIdx.x) % warp_size, i = warp / w.free_frames, j = warp % w.free_frames;
   if (i >= j || i >= w.free_frames) return;
@@ -64,7 +65,7 @@ __global__ void __launch_bounds__(Tuning::threads) list_pairs_kernel(block_listi
   const std::int32_t* const other = w.slot_of + static_cast<std::ptrdiff_t>(j) * w.landmarks;
   const int end = w.frame_slot[i + 1];
   int at = Write ? w.begin[block] : 0;
-  constexpr int looks = 4;  // at a time: each is three loads, one after the other
+  constexpr int looks = 16;  // at a time: each is three loads, one after the other
   for (int k = w.frame_slot[i] + lane; k - lane < end; k += looks * warp_size) {
     int slot[looks], second[looks];
 #pragma unroll
@@ -95,6 +96,7 @@ __global__ void __launch_bounds__(Tuning::threads) list_pairs_kernel(block_listi
 /// One block: where each list begins, from their lengths. \param begin  [blocks + 1]
 template <class Tuning>
 __global__ void __launch_bounds__(Tuning::scan_threads) begin_lists_kernel(int blocks, std::int32_t* begin) {
+  begin_early();
   const int thread = static_cast<int>(threadIdx.x), each = (blocks + Tuning::scan_threads - 1) / Tuning::scan_threads;
   const int first = thread * each < blocks ? thread * each : blocks;
   const int last = first + each < blocks ? first + each : blocks;
@@ -145,11 +147,11 @@ bool launch_list_blocks(const thrust::cuda_cub::execution_policy<Derived>& polic
   for_each_index(policy, w.slots, enter_slot{w});
   constexpr int warps = tuning::threads / warp_size;
   const int grid = (frames * frames + warps - 1) / warps;
-  launch_kernel(policy, "launch of list_pairs", list_pairs_kernel<tuning, false>, grid, tuning::threads, w);
-  launch_kernel(policy, "launch of begin_lists", begin_lists_kernel<tuning>, 1, tuning::scan_threads, blocks, w.begin);
-  launch_kernel(policy, "launch of begin_lists", begin_lists_kernel<tuning>, 1, tuning::scan_threads, blocks,
-                w.factor_begin);
-  launch_kernel(policy, "launch of list_pairs", list_pairs_kernel<tuning, true>, grid, tuning::threads, w);
+  launch_early(policy, "launch of list_pairs", 0, list_pairs_kernel<tuning, false>, grid, tuning::threads, w);
+  for (std::int32_t* const lengths : {w.begin, w.factor_begin})
+    launch_early(policy, "launch of begin_lists", 0, begin_lists_kernel<tuning>, 1, tuning::scan_threads, blocks,
+                 lengths);
+  launch_early(policy, "launch of list_pairs", 0, list_pairs_kernel<tuning, true>, grid, tuning::threads, w);
 
   view.blocks = blocks;
   view.block_row = w.row, view.block_column = w.column, view.block_pair = w.begin, view.pairs = w.pairs;

@@ -5,7 +5,9 @@
 /// \file
 /// launch_reduce_blocks() under a CUDA policy: one thread block per block of the reduced matrix. Its threads take the entries
 /// of the block's list in turn and keep sums of their own, which are then added up in a fixed order: over the lanes of a warp,
-/// then over the warps.
+/// then over the warps. The columns of an entry come by way of shared memory.
+
+#include <cuda_pipeline.h>
 
 #include <cstddef>
 
@@ -13,7 +15,7 @@
 #include "../../cuda/warp.cuh"
 #include "../../parallel.hpp"
 #include "../reduced_system.hpp"
-#include "load_numbers.cuh"
+#include "staged_columns.cuh"
 #include "tuning.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -28,33 +30,54 @@ __device__ inline double sum_of_warps(const double (&of_warp)[reduce_blocks_tuni
   return sum;
 }
 
+/// Two slots per lane of a block. Where there is no room for that, half of the lanes take turns with the other half.
+template <class A, int V>
+struct block_columns {
+  static constexpr int warps = reduce_blocks_tuning::warps;
+  static constexpr int lanes = 2 * warps * warp_size * 3 * V * sizeof(A) <= 40 * 1024 ? warp_size : warp_size / 2;
+  staged_columns<A, V, lanes> of_warp[warps][2];
+};
+
 /// A diagonal block and its right hand side.
 template <class A, int V, int D>
 __device__ inline void reduce_diagonal_block(const schur_view<A>& s, const reduced_layout& out, const damping& damping,
-                                             int f) {
+                                             int f, block_columns<A, V>& columns) {
   constexpr int triangle = V * (V + 1) / 2, size = triangle + V, threads = warp_size * reduce_blocks_tuning::warps;
+  constexpr int lanes = block_columns<A, V>::lanes;
   __shared__ double of_warp[reduce_blocks_tuning::warps][size];
-  const int thread = static_cast<int>(threadIdx.x);
+  const int thread = static_cast<int>(threadIdx.x), lane = thread % warp_size;
+  auto& staged = columns.of_warp[thread / warp_size];
   A sum[size] = {};
   const int end = s.frame_slot[f + 1];
-  int k = s.frame_slot[f] + thread;
-  int next = k < end ? s.slot_list[k] : 0, next_landmark = k < end ? s.slot_landmark[next] : 0;
-  while (k < end) {
-    const int slot = next;
-    const eliminated_landmark& e = s.landmark[next_landmark];
-    k += threads;
-    if (k < end) next = s.slot_list[k], next_landmark = s.slot_landmark[next];  // while this one's columns come
-    A z[3 * V];
-    load_numbers(s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V, z);
+  int first = s.frame_slot[f] + thread - lane, buffer = 0;  // of this warp
+  int next = first + lane < end ? s.slot_list[first + lane] : 0;
+  staged[buffer].copy(s.eliminated, next, 0, end - first);
+  __pipeline_commit();
+  for (; first < end; first += threads) {
+    const int slot = next, after = first + threads;
+    const eliminated_landmark& e = s.landmark[s.slot_landmark[slot]];
+    const A c[3] = {static_cast<A>(e.c[0]), static_cast<A>(e.c[1]), static_cast<A>(e.c[2])};
+    next = after + lane < end ? s.slot_list[after + lane] : 0;
+    for (int from = 0; from < warp_size; from += lanes, buffer ^= 1) {
+      const bool more = from + lanes < warp_size;
+      staged[buffer ^ 1].copy(s.eliminated, more ? slot : next, more ? from + lanes : 0, end - (more ? first : after));
+      __pipeline_commit();
+      __pipeline_wait_prior(1);
+      __syncwarp();
+      if (lane >= from && lane < from + lanes && first + lane < end) {
 #pragma unroll
-    for (int m = 0; m < 3; ++m) {
-      const A c = static_cast<A>(e.c[m]);
+        for (int m = 0; m < 3; ++m) {
+          A z[V];
+          staged[buffer].load(lane - from, m, z);
 #pragma unroll
-      for (int i = 0; i < V; ++i) {
+          for (int i = 0; i < V; ++i) {
 #pragma unroll
-        for (int j = 0; j <= i; ++j) sum[i * (i + 1) / 2 + j] += z[m * V + i] * z[m * V + j];
-        sum[triangle + i] += z[m * V + i] * c;
+            for (int j = 0; j <= i; ++j) sum[i * (i + 1) / 2 + j] += z[i] * z[j];
+            sum[triangle + i] += z[i] * c[m];
+          }
+        }
       }
+      __syncwarp();
     }
   }
   sum_warp(sum, of_warp[thread / warp_size]);
@@ -75,25 +98,36 @@ __device__ inline void reduce_diagonal_block(const schur_view<A>& s, const reduc
 
 /// The block of two frames.
 template <class A, int V, int D>
-__device__ inline void reduce_other_block(const schur_view<A>& s, const reduced_layout& out, int b) {
-  constexpr int threads = warp_size * reduce_blocks_tuning::warps;
+__device__ inline void reduce_other_block(const schur_view<A>& s, const reduced_layout& out, int b,
+                                          block_columns<A, V>& columns) {
+  constexpr int threads = warp_size * reduce_blocks_tuning::warps, lanes = block_columns<A, V>::lanes;
   __shared__ double of_warp[reduce_blocks_tuning::warps][V * V];
-  const int thread = static_cast<int>(threadIdx.x);
+  const int thread = static_cast<int>(threadIdx.x), lane = thread % warp_size;
+  auto& staged = columns.of_warp[thread / warp_size];
   A sum[V * V] = {};
   const int end = s.block_pair[b + 1];
-  int k = s.block_pair[b] + thread;
-  slot_pair next = k < end ? s.pairs[k] : slot_pair{};
-  while (k < end) {
+  int first = s.block_pair[b] + thread - lane;  // of this warp
+  slot_pair next = first + lane < end ? s.pairs[first + lane] : slot_pair{};
+  for (; first < end; first += threads) {
     const slot_pair pair = next;
-    k += threads;
-    if (k < end) next = s.pairs[k];  // while this one's columns come
-    A first[3 * V], second[3 * V];
-    load_numbers(s.eliminated + static_cast<std::ptrdiff_t>(pair.first) * 3 * V, first);
-    load_numbers(s.eliminated + static_cast<std::ptrdiff_t>(pair.second) * 3 * V, second);
+    const int after = first + threads + lane;
+    for (int from = 0; from < warp_size; from += lanes) {
+      staged[0].copy(s.eliminated, pair.first, from, end - first);
+      staged[1].copy(s.eliminated, pair.second, from, end - first);
+      __pipeline_commit();
+      if (from == 0 && after < end) next = s.pairs[after];  // while this one's columns come
+      __pipeline_wait_prior(0);
+      __syncwarp();
+      if (lane >= from && lane < from + lanes && first + lane < end) {
 #pragma unroll
-    for (int m = 0; m < 3; ++m) {
+        for (int m = 0; m < 3; ++m) {
+          A x[V], y[V];
+          staged[0].load(lane - from, m, x), staged[1].load(lane - from, m, y);
 #pragma unroll
-      for (int i = 0; i < V * V; ++i) sum[i] += first[m * V + i / V] * second[m * V + i % V];
+          for (int i = 0; i < V * V; ++i) sum[i] += x[i / V] * y[i % V];
+        }
+      }
+      __syncwarp();
     }
   }
   sum_warp(sum, of_warp[thread / warp_size]);
@@ -115,16 +149,17 @@ __device__ inline void reduce_other_block(const schur_view<A>& s, const reduced_
 }  // namespace detail
 
 template <class A, int V, int D>
-__global__ void __launch_bounds__(warp_size* reduce_blocks_tuning::warps)
+__global__ void __launch_bounds__(warp_size* reduce_blocks_tuning::warps, reduce_blocks_tuning::at_once<A, V>)
     reduce_blocks_kernel(schur_view<A> s, reduced_layout out, damping damping) {
   begin_early();
   if (s.lambda != nullptr) damping.lambda = *s.lambda;
   if (isnan(damping.lambda)) return;
+  __shared__ detail::block_columns<A, V> columns;
   const int task = static_cast<int>(blockIdx.x);  // diagonal blocks have the longest lists: they start first
   if (task < s.free_frames)
-    detail::reduce_diagonal_block<A, V, D>(s, out, damping, task);
+    detail::reduce_diagonal_block<A, V, D>(s, out, damping, task, columns);
   else
-    detail::reduce_other_block<A, V, D>(s, out, task - s.free_frames);
+    detail::reduce_other_block<A, V, D>(s, out, task - s.free_frames, columns);
 }
 
 template <int V, int D, class Derived, class A>

@@ -47,6 +47,11 @@ struct landmark_tuning {
 struct reduce_blocks_tuning {
   static constexpr int warps = 4;           ///< per block
   static constexpr int most_unknowns = 12;  ///< of a frame: a thread keeps their square; for more the generic body
+  /// Blocks per multiprocessor, which registers are limited for.
+  template <class A, int V>
+  static constexpr int at_once = V > 6            ? 1
+                                 : sizeof(A) == 4 ? 4
+                                                  : 3;
 };
 
 /// launch_multiply_frames: a block per frame, which has hundreds to thousands of slots. (launch_gather_landmarks: landmark_tuning)
