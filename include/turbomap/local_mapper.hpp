@@ -26,6 +26,7 @@
 #include "mapping/named_points.hpp"
 #include "mapping/neighbour_search.hpp"
 #include "mapping/neighbourhood_fusion.hpp"
+#include "mapping/options_of_stages.hpp"
 #include "mapping/point_culling.hpp"
 #include "mapping/refused_mapper.hpp"
 #include "mapping/stage.hpp"
@@ -335,11 +336,8 @@ class local_mapper {
     if (shortened) progress_.cut(mapping_piece::search_neighbour);
     if (search_.selection().size() == 0) return progress_.stop();  // erased meanwhile: nothing is left to do for it
     report_.neighbours = search_.neighbour_count();
-    search_options options = options_.search;
-    if (options_.creation.rule == creation_rule::tracks)
-      options.across_rig = options.across_rig || options_.neighbours.across_rig;
     progress_.timed(mapping_piece::search_neighbour, static_cast<double>(report_.neighbours),
-                    [&] { search_.compute(s, options); });
+                    [&] { search_.compute(s, detail::search_of(options_)); });
     if (search_.stopped()) progress_.cut();
   }
 
@@ -359,11 +357,6 @@ class local_mapper {
     });
   }
 
-  fusion_options fusion() const {
-    fusion_options options = options_.fusion;
-    options.stereo_correlation = options_.adjustment.stereo_correlation;
-    return options;
-  }
   void fuse(stage_keyframe current, const scope& s) {
     report_.fusion_targets = fusion_.choose_targets(s, current, options_.neighbours.neighbourhood, progress_);
     fuse_with_targets(current, s);
@@ -375,7 +368,7 @@ class local_mapper {
       due_.changed(fusion_.touched());
     };
     try {
-      fusion_.fuse(s, current, fusion(), progress_);
+      fusion_.fuse(s, current, detail::fusion_of(options_), progress_);
     } catch (...) {
       note();
       throw;
@@ -391,9 +384,7 @@ class local_mapper {
       hooks_.adjust(map_, working_.name(current), left);
       working_.forget_poses();
     } else if constexpr (adjusts) {
-      local_adjustment_options options = options_.adjustment;
-      const double limit = options.solve.time_budget_ms;
-      if (options_.deadline_ms > 0 && !(limit > 0 && limit < left)) options.solve.time_budget_ms = left;
+      const local_adjustment_options options = detail::adjustment_of(options_, left);
       const std::size_t outliers = report_.adjustment.outliers, points_erased = report_.adjustment.points_erased;
       if constexpr (inertial)
         report_.adjustment = adjustment_(s, current, options, options_.inertial);
@@ -458,16 +449,7 @@ class local_mapper {
 
   // ---- appearances that are due ----
 
-  appearance_options appearance() const {
-    appearance_options options;
-    options.scales = options_.fusion.search.scales;
-    options.most_views = options_.most_views;
-    if constexpr (detail::map_has_v<Map, detail::map_covariance_member>) {
-      options.covariance = options_.covariances;
-      options.stereo_correlation = options_.adjustment.stereo_correlation;
-    }
-    return options;
-  }
+  appearance_options appearance() const { return detail::appearance_of<Map>(options_); }
   /// Appearances are read by fusion, and by tracking after process(). So what fusion, adjustment and culling change is
   /// computed once, at the end, and its time is that of the stage that touches most points.
   mapping_stage due_stage() const {
