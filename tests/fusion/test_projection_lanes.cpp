@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Several points at once: no point that a camera sees is lost, most others are, and what is known of those that are left is right.
+// Several points at once: no point that a camera sees is lost, most others are, and what is known of those that are left is right; and
+// their windows hold what the prefilter finds in them one by one.
 
 #include <cmath>
 #include <vector>
@@ -19,6 +20,7 @@ struct lane_tally {
   long seen_lost = 0, unseen_kept = 0;    ///< of those
   long skipped_kept = 0, twice = 0;       ///< none is looked at
   long asked = 0, placed = 0, wrong = 0;  ///< nothing known, where it is known, and not right
+  long hopeful = 0, windows_differ = 0;   ///< a keypoint may be its match, by the prefilter, and of all windows at once
   bool known = true;                      ///< all cameras
 };
 
@@ -47,7 +49,9 @@ void tally_scene(const duplicate_scene<orb, Camera>& s, projection_options optio
     turbomap::projection_lanes<orb, Camera, block> lanes(search, camera);
     t.known = t.known && lanes.is_known();
     if (!lanes.is_known()) continue;
-    std::vector<int> kept(static_cast<std::size_t>(points.count));
+    const turbomap::projection_prefilter<orb, Camera> prefilter(search, camera);
+    turbomap::projection_windows<orb, Camera, block> windows(search, camera);
+    std::vector<int> kept(static_cast<std::size_t>(points.count)), hopeful, found;
     const auto ask = [&](int p) { ++kept[static_cast<std::size_t>(p)], ++t.asked; };
     const auto at = [&](int p, const turbomap::vec2<double>& pixel, double z, double distance) {
       ++kept[static_cast<std::size_t>(p)], ++t.placed;
@@ -58,9 +62,16 @@ void tally_scene(const duplicate_scene<orb, Camera>& s, projection_options optio
       const bool right = std::abs(pixel.x - expected.x.value) < 1e-6 && std::abs(pixel.y - expected.y.value) < 1e-6 &&
                          std::abs(z - X_c.z.value) < 1e-10 * far && std::abs(distance - far) < 1e-10 * far;
       t.wrong += defined && !right ? 1 : 0;
+      const int level = prefilter.level_of(p, distance);
+      if (level < -1 || !windows.is_known()) return;
+      if (prefilter.may_match_at(p, pixel, z, level)) hopeful.push_back(p);
+      windows.add(p, pixel, z, level);
     };
-    for (int first = 0; first < points.count; first += block)
+    for (int first = 0; first < points.count; first += block) {
       lanes.find(first, first + block < points.count ? first + block : points.count, ask, at);
+      windows.find([&](int p) { found.push_back(p); });
+    }
+    t.hopeful += static_cast<long>(hopeful.size()), t.windows_differ += hopeful == found ? 0 : 1;
     for (std::size_t p = 0; p < kept.size(); ++p) {
       const projection_outcome outcome = trials[static_cast<std::size_t>(r) * kept.size() + p].outcome;
       const long is_kept = kept[p] > 0 ? 1 : 0;
@@ -91,6 +102,8 @@ void check_lanes(const lane_tally& t) {
   CHECK(t.twice == 0);
   CHECK(t.wrong == 0);
   CHECK(t.asked * 20 < t.placed);
+  CHECK(t.hopeful > 100);
+  CHECK(t.windows_differ == 0);
 }
 
 TEST_CASE("pinhole, fisheye and mixed rigs: what is seen is kept, little else, and it is where it is projected") {

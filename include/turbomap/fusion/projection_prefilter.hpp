@@ -122,26 +122,33 @@ class projection_prefilter {
     if (p.x < static_cast<double>(b.min_x) - m || p.x > static_cast<double>(b.max_x) + m ||
         p.y < static_cast<double>(b.min_y) - m || p.y > static_cast<double>(b.max_y) + m)
       return false;
-    return may_match_at(point, p, z, distance);
+    return may_match_at(point, p, z, level_of(point, distance));
+  }
+
+  /// The octave at which a point at `distance` (m, to `loose` relative) should be found; -1: any octave will do, -2: the decision
+  /// knows which of two.
+  TURBOMAP_HD int level_of(int point, double distance) const {
+    const projection_options& options = search_.options;
+    if (!options.range_gate) return -1;
+    const double wanted = static_cast<double>(search_.points.max_distance[point]);
+    const double far = distance * (1 + detail::loose), near = distance * (1 - detail::loose);
+    const int top = options.scales.levels - 1;
+    int level = 0, most = 0;  // counted to the end: where a search ends cannot be predicted
+    for (int o = 0; o < top; ++o) {
+      const double s = static_cast<double>(search_.scale[o]);
+      level += s * far < wanted ? 1 : 0, most += s * near < wanted ? 1 : 0;
+    }
+    return level == most ? level : -2;
   }
 
   /// The rest of the question, of a point in the image that may be in range: whether a keypoint around `p` could be its match.
-  /// \param p         its projection, px, to loose_pixels
-  /// \param z         its depth, m
-  /// \param distance  to the camera, m, to `loose` relative
-  TURBOMAP_HD bool may_match_at(int point, const vec2<double>& p, double z, double distance) const {
+  /// \param p      its projection, px, to loose_pixels
+  /// \param z      its depth, m
+  /// \param level  what level_of() says
+  TURBOMAP_HD bool may_match_at(int point, const vec2<double>& p, double z, int level) const {
+    if (level < -1) return true;
     const projection_options& options = search_.options;
     const double m = detail::loose_pixels;
-    int level = -1;
-    if (options.range_gate) {
-      const double wanted = static_cast<double>(search_.points.max_distance[point]);
-      const int top = options.scales.levels - 1;
-      for (level = 0; level < top; ++level)
-        if (!(static_cast<double>(search_.scale[level]) * distance * (1 + detail::loose) < wanted)) break;
-      // Between two octaves: the decision knows which.
-      if (level < top && static_cast<double>(search_.scale[level]) * distance * (1 - detail::loose) < wanted)
-        return true;
-    }
     const double s = static_cast<double>(search_.scale[options.range_gate ? level : options.window_octave]);
     const double radius = widest_ * s * (1 + detail::loose) + m;
     const double u_right = bf_ > 0 ? p.x - bf_ / z : 0;

@@ -4,7 +4,7 @@
 
 /// \file
 /// The search by projection of one block of points in one camera: most points are told apart by a few operations
-/// (projection_prefilter.hpp, on the host several points at once: projection_lanes.hpp), the others decided in full
+/// (projection_prefilter.hpp, on the host several points at once: projection_lanes.hpp, projection_windows.hpp), the others decided in full
 /// (projection_test.hpp).
 
 #include <cstdint>
@@ -15,6 +15,7 @@
 #include "projection_prefilter.hpp"
 #include "projection_test.hpp"
 #include "projection_view.hpp"
+#include "projection_windows.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -41,18 +42,8 @@ struct projection_search {
       return;
     }
     const projection_prefilter<Descriptor, Camera> prefilter(search, camera);
-    if constexpr (has_projection_lanes) {
-      projection_lanes<Descriptor, Camera, BlockSize> block(search, camera);
-      if (block.is_known())
-        return block.find(
-            first, last,
-            [&](int p) {
-              if (prefilter.may_match(p)) store(at + p, test(p));
-            },
-            [&](int p, const vec2<double>& pixel, double z, double distance) {
-              if (prefilter.may_match_at(p, pixel, z, distance)) store(at + p, test(p));
-            });
-    }
+    if constexpr (has_projection_lanes)
+      if (search_in_lanes(camera, prefilter, first, last, [&](int p) { store(at + p, test(p)); })) return;
     for (int p = first; p < last; ++p)
       if (is_hopeful(camera, prefilter, p)) store(at + p, test(p));
   }
@@ -66,6 +57,31 @@ struct projection_search {
   /// Writes the hit of index `at`, if there is one.
   TURBOMAP_HD void store(std::int64_t at, const projection_trial<distance_type>& trial) const {
     if (trial.outcome == projection_outcome::matched) search.hits[at] = {trial.keypoint, trial.distance};
+  }
+
+ private:
+  /// Calls decide(p) for points that may have a match. False: the camera is of a model that is not computed in packs.
+  template <class Decide>
+  bool search_in_lanes(const projection_camera& camera, const projection_prefilter<Descriptor, Camera>& prefilter,
+                       int first, int last, const Decide& decide) const {
+    projection_lanes<Descriptor, Camera, BlockSize> lanes(search, camera);
+    if (!lanes.is_known()) return false;
+    projection_windows<Descriptor, Camera, BlockSize> windows(search, camera);
+    const bool at_once = windows.is_known();
+    lanes.find(
+        first, last,
+        [&](int p) {
+          if (prefilter.may_match(p)) decide(p);
+        },
+        [&](int p, const vec2<double>& pixel, double z, double distance) {
+          const int level = prefilter.level_of(p, distance);
+          if (at_once && level >= -1)
+            windows.add(p, pixel, z, level);
+          else if (prefilter.may_match_at(p, pixel, z, level))
+            decide(p);
+        });
+    windows.find(decide);
+    return true;
   }
 };
 
