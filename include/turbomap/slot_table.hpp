@@ -62,6 +62,11 @@ class slot_table {
   bool alive(std::uint32_t slot) const { return slots_[slot].alive; }
   /// The generation that the slot's handles have now (the slot is not checked).
   std::uint32_t generation(std::uint32_t slot) const { return slots_[slot].generation; }
+  /// The slot that the n-th acquire() from now gives, if none is recycled before; 0 is the next.
+  std::uint32_t upcoming(std::size_t n) const {
+    return n < free_.size() ? free_[free_.size() - 1 - n]
+                            : static_cast<std::uint32_t>(slots_.size() + (n - free_.size()));
+  }
   /// Prefetches the entry of a slot; any number does no harm.
   void prefetch(std::uint32_t slot) const { prefetch_line(slots_.data() + slot); }
   /// Number of slots that are alive.

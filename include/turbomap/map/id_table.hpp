@@ -37,9 +37,9 @@ class id_table {
     if (c.epoch != epoch_) c = {id, static_cast<std::uint32_t>(size_++), epoch_};
     return c.place;
   }
-  /// So that the next place() does not throw. Throws std::bad_alloc, unchanged.
-  void make_room() {
-    if (2 * (size_ + 1) > cells_.size()) grow();
+  /// So that the next `more` calls of place() do not throw. Throws std::bad_alloc, unchanged.
+  void make_room(std::size_t more = 1) {
+    while (2 * (size_ + more) > cells_.size()) grow();
   }
   /// The place of an id, or none.
   std::size_t find(std::uint64_t id) const {

@@ -110,6 +110,17 @@ bool observe(Map& map, typename map_traits<Map>::point point, typename map_trait
   return true;
 }
 
+/// The same where it is known that the slot is empty and that the keyframe does not see the point: nothing is read for it.
+template <class Map>
+void observe_first(Map& map, typename map_traits<Map>::point point, typename map_traits<Map>::keyframe keyframe,
+                   std::size_t keypoint) {
+  using traits = map_traits<Map>;
+  traits::add_observation(map, point, keyframe, keypoint);
+  traits::set_point(map, keyframe, keypoint, point);
+  if constexpr (counts_octaves_v<Map>)
+    detail::change_count(map, point, keypoint_of(map, keyframe, keypoint).octave, +1);
+}
+
 /// Removes an observation: the keypoint no longer sees its point. The point stays, even without observations (see fade()).
 /// If it loses its last view in its reference keyframe, the observer of lowest id becomes its reference. Returns the
 /// point, point{} for an empty slot.
@@ -161,13 +172,35 @@ void erase_point(Map& map, typename map_traits<Map>::point point, typename map_t
     if (replacement == typename traits::point{}) traits::erased(map, point);
 }
 
+namespace detail {
+/// fade() of the point in a slot, whose views are counted: most often the keyframe sees it once, and nothing else is read of them.
+template <class Map>
+bool fade(Map& map, typename map_traits<Map>::point point, typename map_traits<Map>::keyframe keyframe,
+          std::size_t keypoint, const view_counts& views, int fewest) {
+  using traits = map_traits<Map>;
+  if (views.own == 1 && views.listed) {
+    [[maybe_unused]] int octave = -1;
+    if constexpr (counts_octaves_v<Map>) octave = keypoint_of(map, keyframe, keypoint).octave;
+    traits::erase_observation(map, point, keyframe, keypoint);
+    traits::set_point(map, keyframe, keypoint, typename traits::point{});
+    move_count(map, point, octave, -1);
+    lose_reference(map, point, keyframe);
+    if (views.others > fewest || measurement_count(map, point) > fewest) return false;
+  } else {
+    forget(map, keyframe, keypoint);
+    if (has_more_measurements(map, point, fewest)) return false;
+  }
+  erase_point(map, point);
+  return true;
+}
+}  // namespace detail
+
 /// forget(), then erases the point when it has `fewest` measurements or less (2, as [ORB-SLAM3]). True if it was erased.
 template <class Map>
 bool fade(Map& map, typename map_traits<Map>::keyframe keyframe, std::size_t keypoint, int fewest = 2) {
-  const auto point = forget(map, keyframe, keypoint);
-  if (point == typename map_traits<Map>::point{} || has_more_measurements(map, point, fewest)) return false;
-  erase_point(map, point);
-  return true;
+  const auto point = map_traits<Map>::point_at(map, keyframe, keypoint);
+  if (point == typename map_traits<Map>::point{}) return false;
+  return detail::fade(map, point, keyframe, keypoint, detail::count_views(map, point, keyframe, keypoint), fewest);
 }
 
 /// The observation goes from one keypoint of a keyframe to another. False, and nothing is changed, where there is none, the
@@ -277,20 +310,8 @@ void erase_keyframe(Map& map, typename map_traits<Map>::keyframe keyframe, int f
     const auto point = traits::point_at(map, keyframe, i);
     if (point == typename traits::point{}) continue;
     const detail::view_counts views = detail::count_views(map, point, keyframe, i);
-    bool seen_yet = false, gone = false;
-    if (views.own == 1 && views.listed) {  // as fade() does it, but the views are counted already
-      [[maybe_unused]] int octave = -1;
-      if constexpr (counts_octaves_v<Map>) octave = keypoint_of(map, keyframe, i).octave;
-      traits::erase_observation(map, point, keyframe, i);
-      traits::set_point(map, keyframe, i, typename traits::point{});
-      detail::move_count(map, point, octave, -1);
-      detail::lose_reference(map, point, keyframe);
-      gone = views.others <= fewest && measurement_count(map, point) <= fewest;
-      if (gone) erase_point(map, point);
-    } else {
-      gone = fade(map, keyframe, i, fewest);
-      seen_yet = !gone && finest_octave(map, point, keyframe) >= 0;  // by another camera of the rig
-    }
+    const bool gone = detail::fade(map, point, keyframe, i, views, fewest);
+    const bool seen_yet = views.own > (views.listed ? 1 : 0);  // by another camera of the rig
     if constexpr (!std::is_null_pointer_v<Touched>)
       if (touched != nullptr && !gone && !seen_yet) touched->push_back(point);
   }

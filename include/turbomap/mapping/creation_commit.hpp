@@ -69,17 +69,25 @@ void commit_points(Map& map, const new_points_view& points,
     look_again(map, keyframes[n]);
     alive[n] = traits::alive(map, keyframes[n]) ? 1 : 0;
   }
-  for (const point_observation& o : points.observations) {
+  constexpr std::size_t ahead = detail::ahead_near;
+  for (std::size_t v = 0; v < points.observations.size(); ++v) {
+    if (v + ahead < points.observations.size()) {
+      const point_observation& next = points.observations[v + ahead];
+      const auto n = static_cast<std::size_t>(next.keyframe);
+      if (n < keyframes.size()) ask_for(map, keyframes[n], static_cast<std::size_t>(next.keypoint));
+    }
+    const point_observation& o = points.observations[v];
     require(o.keyframe >= 0 && static_cast<std::size_t>(o.keyframe) < keyframes.size(), "observations[].keyframe",
             o.keyframe, "is not the number of a keyframe");
     const auto k = keyframes[static_cast<std::size_t>(o.keyframe)];
     if (alive[static_cast<std::size_t>(o.keyframe)] == 0) continue;
     require(o.keypoint >= 0 && static_cast<std::size_t>(o.keypoint) < keypoint_count_of(map, k),
             "observations[].keypoint", o.keypoint, "is not a keypoint of the keyframe");
-    look_again(map, k, static_cast<std::size_t>(o.keypoint));
+    look_at_slot(map, k, static_cast<std::size_t>(o.keypoint));
     require_consistent_slot(map, k, static_cast<std::size_t>(o.keypoint), faults);
   }
   created.reserve(created.size() + count), due.reserve(due.size() + count);
+  expect_points(map, count);
   const auto possible = [&](const point_observation& o) {
     const auto k = keyframes[static_cast<std::size_t>(o.keyframe)];
     return alive[static_cast<std::size_t>(o.keyframe)] != 0 &&
@@ -100,9 +108,18 @@ void commit_points(Map& map, const new_points_view& points,
       if constexpr (detail::map_has_v<Map, detail::map_covariance_member>)
         traits::set_covariance(map, point, a.covariance);
     }
-    for (std::size_t v = first; v < end; ++v)
-      if (const point_observation& o = points.observations[v]; possible(o))
-        observe(map, point, keyframes[static_cast<std::size_t>(o.keyframe)], static_cast<std::size_t>(o.keypoint));
+    for (std::size_t v = first; v < end; ++v) {
+      const point_observation& o = points.observations[v];
+      if (!possible(o)) continue;
+      const auto keyframe = keyframes[static_cast<std::size_t>(o.keyframe)];
+      const auto keypoint = static_cast<std::size_t>(o.keypoint);
+      bool seen_yet = false;
+      for (std::size_t u = first; u < v; ++u) seen_yet = seen_yet || points.observations[u].keyframe == o.keyframe;
+      if (seen_yet)  // perhaps by the same camera
+        observe(map, point, keyframe, keypoint);
+      else
+        observe_first(map, point, keyframe, keypoint);
+    }
     created.push_back(point);
     if constexpr (detail::map_has_v<Map, detail::map_created_member>) traits::created(map, point);
     if (views < end - begin) due.push_back(point);

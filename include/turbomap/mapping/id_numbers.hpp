@@ -25,13 +25,13 @@ class id_numbers {
     const std::size_t at = table_.find(id);
     return at == id_table::none ? none : numbers_[at];
   }
-  /// So that the next set() does not throw. Throws std::bad_alloc, unchanged.
-  void make_room() {
+  /// So that the next `more` calls of set() do not throw. Throws std::bad_alloc, unchanged.
+  void make_room(std::size_t more = 1) {
     if (gone_ > 1024 && 2 * gone_ > ids_.size()) drop_gone();
-    const std::size_t size = ids_.size() + 1;
+    const std::size_t size = ids_.size() + more;
     if (ids_.capacity() < size) ids_.reserve(2 * size);
     if (numbers_.capacity() < size) numbers_.reserve(2 * size);
-    table_.make_room();
+    table_.make_room(more);
   }
   /// Amortised O(1). Throws std::bad_alloc, unchanged.
   void set(std::uint64_t id, std::int32_t number) {

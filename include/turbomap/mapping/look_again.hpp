@@ -31,6 +31,12 @@ void look_again([[maybe_unused]] const Map& map, [[maybe_unused]] const typename
                 [[maybe_unused]] std::size_t keypoint) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::look_again(map, keyframe, keypoint);
 }
+/// The same of a keyframe that has been looked at since the guard was taken, and is alive.
+template <class Map>
+void look_at_slot([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe,
+                  [[maybe_unused]] std::size_t keypoint) {
+  if constexpr (is_copy_v<Map>) map_traits<Map>::look_at_slot(map, keyframe, keypoint);
+}
 /// All of it, when it is next asked for: somebody has moved the map, and what was copied before would be of another time.
 template <class Map>
 void forget_copy([[maybe_unused]] const Map& map) {
@@ -63,6 +69,22 @@ void ask_for_state([[maybe_unused]] const Map& map, [[maybe_unused]] const typen
 template <class Map>
 void ask_for([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::ask_for(map, point);
+}
+/// The same of a slot that is looked at soon, and of its keypoint.
+template <class Map>
+void ask_for([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe,
+             [[maybe_unused]] std::size_t keypoint) {
+  if constexpr (is_copy_v<Map>) map_traits<Map>::ask_for(map, keyframe, keypoint);
+}
+/// The same of all slots that hold a point. Its list should be there by then.
+template <class Map>
+void ask_for_slots([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point) {
+  if constexpr (is_copy_v<Map>) map_traits<Map>::ask_for_slots(map, point);
+}
+/// Makes room for so many points that are added soon, and asks memory for where they will be. Throws std::bad_alloc.
+template <class Map>
+void expect_points([[maybe_unused]] const Map& map, [[maybe_unused]] std::size_t count) {
+  if constexpr (is_copy_v<Map>) map_traits<Map>::expect_points(map, count);
 }
 /// Whether a point is alive, and its position: what is quickly read.
 template <class Map>

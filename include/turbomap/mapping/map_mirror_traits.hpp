@@ -251,6 +251,7 @@ struct map_traits<map_mirror<Map>> {
   static void look_again(const mirror& m, point p) { detail::look_at_point(m.copy(), p); }
   static void look_again(const mirror& m, keyframe k) { detail::look_at_keyframe(m.copy(), k); }
   static void look_again(const mirror& m, keyframe k, std::size_t i) { detail::look_at_slot(m.copy(), k, i); }
+  static void look_at_slot(const mirror& m, keyframe k, std::size_t i) { detail::look_at_live_slot(m.copy(), k, i); }
   static void forget_copy(const mirror& m) { m.copy().forget_all(); }
   static void hear_refresh(const mirror& m) { m.hear_refresh(); }
   static void look_whether_alive(const mirror& m, point p) { detail::look_whether_alive(m.copy(), p); }
@@ -259,6 +260,9 @@ struct map_traits<map_mirror<Map>> {
   }
   static void ask_for_state(const mirror& m, point p) { detail::ask_for_state(m.copy(), p); }
   static void ask_for(const mirror& m, point p) { detail::ask_for(m.copy(), p); }
+  static void ask_for(const mirror& m, keyframe k, std::size_t i) { detail::ask_for(m.copy(), k, i); }
+  static void ask_for_slots(const mirror& m, point p) { detail::ask_for_slots(m.copy(), p); }
+  static void expect_points(const mirror& m, std::size_t count) { points(m).expect(count); }
   static void look_at_position(const mirror& m, point p) { detail::look_at_position(m.copy(), p); }
   static bool look_at_all(const mirror& m, keyframe k, int fewest) { return detail::look_at_all(m.copy(), k, fewest); }
   /// @}

@@ -98,9 +98,19 @@ class map_point_creation {
     create_points(ctx, search.matches(), options, pairs_);
     pairs_.plan(ctx, search.matches(), plan_);
     matches_ = plan_.size();
+    taken_.clear(), taken_begin_.clear();
+    for (const auto& k : search.posed()) {
+      taken_begin_.push_back(taken_.size());
+      taken_.resize(taken_.size() + static_cast<std::size_t>(k.view.keypoint_count));
+    }
+    const auto taken = [&](const point_observation& o) -> std::uint8_t& {
+      return taken_[taken_begin_[static_cast<std::size_t>(o.keyframe)] + static_cast<std::size_t>(o.keypoint)];
+    };
     for (const created_point& p : plan_) {
       if (p.outcome != creation_outcome::accepted) continue;
       const point_observation pair[]{{0, p.query}, {1 + p.neighbour, p.candidate}};
+      if (taken(pair[0]) != 0 || taken(pair[1]) != 0) continue;  // the commit would pass over it
+      taken(pair[0]) = taken(pair[1]) = 1;
       accept(p.position, {pair, 2});
     }
   }
@@ -154,6 +164,8 @@ class map_point_creation {
   plain_vector<created_point> plan_;
   plain_vector<created_track> points_;
   plain_vector<std::uint8_t> kept_;
+  plain_vector<std::uint8_t> taken_;  // by an earlier pair: keypoints of all keyframes, one keyframe after the other
+  plain_vector<std::size_t> taken_begin_;  // of each keyframe
   plain_vector<point_observation> views_;
   std::size_t matches_ = 0;
   creation_summary summary_;

@@ -13,6 +13,7 @@
 
 #include "../config.hpp"
 #include "../map/map_traits.hpp"
+#include "../map/read_ahead.hpp"
 #include "../prefetch.hpp"
 #include "map_copy.hpp"
 #include "mirror_sample.hpp"
@@ -21,15 +22,20 @@ TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
+/// One slot of a keyframe that has just been found alive.
+template <class Map>
+void look_at_live_slot(map_copy<Map>& copy, map_keyframe_id k, std::size_t i) {
+  copy.ensure(k);
+  if (i < copy.keyframes[copy.at(k)].slots.size()) copy.read_slot(copy.at(k), i, copy.name(k));
+}
 /// Whether a keyframe is alive, and one of its slots.
 template <class Map>
 void look_at_slot(map_copy<Map>& copy, map_keyframe_id k, std::size_t i) {
   if (!copy.keyframes.known(k) || !copy.keyframes.alive(k.index)) return;
-  copy.ensure(k);
-  if (i >= copy.keyframes[copy.at(k)].slots.size()) return;
-  const auto name = copy.name(k);
-  if (!map_traits<Map>::alive(copy.map(), name)) return copy.lose_keyframe(copy.at(k));
-  copy.read_slot(copy.at(k), i, name);
+  if (map_traits<Map>::alive(copy.map(), copy.name(k)))
+    look_at_live_slot(copy, k, i);
+  else
+    copy.lose_keyframe(copy.at(k));
 }
 /// Whether a keyframe is alive, and its pose.
 template <class Map>
@@ -114,6 +120,23 @@ void ask_for(map_copy<Map>& copy, map_point_id p) {
   for (std::uintptr_t line = 0; object != 0 && line < 6; ++line)
     prefetch_line(reinterpret_cast<const void*>(object + 64 * line));
 }
+/// The same of a slot of a keyframe, and of its keypoint: what the mirror has of them.
+template <class Map>
+void ask_for(map_copy<Map>& copy, map_keyframe_id k, std::size_t i) {
+  if (!copy.keyframes.known(k)) return;
+  const auto& kept = copy.keyframes[copy.at(k)];
+  if (i < kept.slots.size()) prefetch_line(&kept.slots[i]), prefetch_line(&kept.keypoints[i]);
+}
+/// The same of all slots that hold a point.
+template <class Map>
+void ask_for_slots(map_copy<Map>& copy, map_point_id p) {
+  if (!copy.points.known(p)) return;
+  for (const observation& o : copy.points.lists.of(copy.at(p))) {
+    const auto& slots = copy.keyframes[static_cast<std::size_t>(o.keyframe)].slots;
+    if (static_cast<std::size_t>(o.keypoint) < slots.size())
+      prefetch_line(&slots[static_cast<std::size_t>(o.keypoint)]);
+  }
+}
 /// Whether a point is alive.
 template <class Map>
 void look_whether_alive(map_copy<Map>& copy, map_point_id p) {
@@ -155,7 +178,7 @@ bool look_at_all(map_copy<Map>& copy, map_keyframe_id k, int fewest) {
   using user = map_traits<Map>;
   if (!copy.keyframes.known(k)) return false;
   bool differs = copy.read_keyframe(copy.at(k));
-  constexpr std::size_t ahead = 12;  // slots
+  constexpr std::size_t ahead = ahead_far;
   for (std::size_t i = 0; i < copy.keyframes[copy.at(k)].slots.size(); ++i) {
     const auto& slots = copy.keyframes[copy.at(k)].slots;
     if (i + ahead < slots.size() && !(slots[i + ahead] == map_point_id{})) ask_for(copy, slots[i + ahead]);

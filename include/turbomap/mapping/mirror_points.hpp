@@ -11,9 +11,11 @@
 
 #include "../config.hpp"
 #include "../map/map_traits.hpp"
+#include "../map/read_ahead.hpp"
 #include "../map/simple_map/map_ids.hpp"
 #include "../map/simple_map/observation_pool.hpp"
 #include "../plain_vector.hpp"
+#include "../prefetch.hpp"
 #include "../types.hpp"
 #include "id_numbers.hpp"
 
@@ -65,9 +67,9 @@ class mirror_points {
   /// Asks memory for what tells whether a point is alive.
   void prefetch(std::int32_t place) const { places_.prefetch(place); }
 
-  /// Room for one more: the next take() does not throw. Throws std::bad_alloc.
-  void grow() {
-    const std::size_t n = entries.size() + 1;
+  /// Room for so many more: as many calls of take() do not throw. Throws std::bad_alloc.
+  void grow(std::size_t more = 1) {
+    const std::size_t n = entries.size() + more;
     const auto make_room = [](auto& list, std::size_t size) {
       if (list.capacity() < size) list.reserve(size + size / 2 + 64);
     };
@@ -75,13 +77,20 @@ class mirror_points {
     if constexpr (has_covariances) make_room(covariances, n);
     make_room(descriptors, n * elements), make_room(counts_, n * levels_);
     make_room(merged_, n);
-    numbers_.make_room();
+    numbers_.make_room(more);
     lists.open(n - 1);
+  }
+  /// grow(), and asks memory for the places that the first of them get.
+  void expect(std::size_t more) {
+    grow(more);
+    for (std::size_t n = 0; n < detail::ahead_near && n < more; ++n) ask_for_upcoming(n);
   }
   /// A place for a point of which nothing is read yet. Throws std::bad_alloc, unchanged.
   std::int32_t take(const user_point& name, std::uint64_t id) {
     grow();
-    const std::int32_t p = places_.take();  // the last step that may throw
+    ask_for_upcoming(detail::ahead_near);
+    numbers_.prefetch(id + detail::ahead_near);  // most maps count
+    const std::int32_t p = places_.take();       // the last step that may throw
     const auto i = static_cast<std::size_t>(p);
     if (i == entries.size()) {
       entries.push_back({}), names.push_back({});
@@ -109,7 +118,7 @@ class mirror_points {
   /// Places that were retired may be taken again. Their ids are forgotten here, not when they are retired: the table is large, and
   /// many together wait less for memory.
   void free_merged() {
-    constexpr std::size_t ahead = 8;
+    constexpr std::size_t ahead = detail::ahead_near;
     for (std::size_t n = 0; n < merged_.size(); ++n) {
       if (n + ahead < merged_.size()) numbers_.prefetch(entries[static_cast<std::size_t>(merged_[n + ahead])].id);
       const std::int32_t p = merged_[n];
@@ -158,6 +167,17 @@ class mirror_points {
   /// @}
 
  private:
+  /// Asks memory for all that take() and whoever calls it write of a place: points that are new come many at a time.
+  void ask_for_upcoming(std::size_t n) const {
+    const std::size_t p = places_.upcoming(n);
+    if (p >= entries.size()) return;  // new, behind the last one
+    places_.prefetch(static_cast<std::int32_t>(p)), lists.prefetch_place(p);
+    prefetch_line(&entries[p]), prefetch_line(&names[p]), prefetch_line(counts_.data() + p * levels_);
+    prefetch_line(&positions[p]), prefetch_line(&normals[p]), prefetch_line(&ranges[p]);
+    if constexpr (has_covariances) prefetch_line(&covariances[p]);
+    prefetch_line(descriptors.data() + p * elements);
+  }
+
   plain_detail::place_list places_;
   id_numbers numbers_;
   plain_vector<std::uint32_t> counts_;  ///< [place][octave]

@@ -61,6 +61,8 @@ map_point_culling_summary cull_recent_points(Map& map, List& recent, std::int64_
     for_each_ahead<static_cast<unsigned>(point_data::views)>(
         map, failing.size(), [&](std::size_t n) -> const auto& { return at(failing[n]); },
         [&](std::size_t n, const auto& point) {
+          constexpr std::size_t ahead = detail::ahead_near / 2;  // its list is there by then
+          if (n + ahead < failing.size()) ask_for_slots(map, at(failing[n + ahead]));
           look_before_erasing(map, point, alive);
           failed[failing[n]] = traits::alive(map, point) && is_sound(point) && fails(recent[failing[n]]) ? 1 : 0;
         });

@@ -8,6 +8,7 @@
 
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../prefetch.hpp"
 #include "creation_plan.hpp"
 #include "search_view.hpp"
 #include "triangulation.hpp"
@@ -118,6 +119,35 @@ TURBOMAP_HD creation_outcome create_from_pair(const pair_view<Camera>& a, const 
   return creation_outcome::accepted;
 }
 
+/// Poses of cameras of a search.
+struct computed_poses {
+  /// Of one.
+  template <class View, class Camera>
+  TURBOMAP_HD isometry<decision> operator()(const View& search, int keyframe, const Camera& camera) const {
+    return camera_pose(camera, search.T_cw[keyframe]);
+  }
+};
+/// The same; the last ones of the query and of a neighbour are kept, as matches come neighbour by neighbour.
+class kept_poses {
+ public:
+  /// Of one.
+  template <class View, class Camera>
+  TURBOMAP_HD const isometry<decision>& operator()(const View& search, int keyframe, const Camera& camera) {
+    entry& e = last_[keyframe == 0 ? 0 : 1];
+    if (e.keyframe != keyframe || e.camera != &camera)
+      e = {keyframe, &camera, computed_poses{}(search, keyframe, camera)};
+    return e.T_cw;
+  }
+
+ private:
+  struct entry {
+    int keyframe;
+    const void* camera;
+    isometry<decision> T_cw;
+  };
+  entry last_[2] = {{-1, nullptr, {}}, {-1, nullptr, {}}};
+};
+
 }  // namespace detail
 
 /// Index = result of the search: triangulates or back-projects one match and tests the point.
@@ -127,20 +157,37 @@ struct create_point {
   creation_options options;                ///< thresholds
   created_point* points;                   ///< [neighbour][slot]; written where there is a match
 
+  /// Asks memory for what the point of one match is made of, and for where it goes.
+  void prefetch(int i) const {
+    const auto ask = [](const auto& keyframe, int keypoint) {
+      prefetch_line(keyframe.pixel + keypoint), prefetch_line(keyframe.octave + keypoint);
+      if (keyframe.u_right != nullptr) prefetch_line(keyframe.u_right + keypoint);
+      if (keyframe.depth != nullptr) prefetch_line(keyframe.depth + keypoint);
+    };
+    ask(search.query(), search.queries[i % search.slot_count]);
+    ask(search.neighbour(i / search.slot_count), search.match[i]);
+    prefetch_line(points + i);
+  }
   /// Makes the point of one match.
   TURBOMAP_HD void operator()(int i) const {
-    if (search.match[i] == no_match) return;
+    detail::computed_poses poses;
+    if (search.match[i] != no_match) make(i, poses);
+  }
+  /// The same where there is a match. \param poses  of cameras of the search
+  template <class Poses>
+  TURBOMAP_HD void make(int i, Poses& poses) const {
     created_point p{};
     p.neighbour = i / search.slot_count;
     p.query = search.queries[i % search.slot_count];
     p.candidate = search.match[i];
     p.method = creation_method::none;
-    p.outcome = create(p);
+    p.outcome = create(p, poses);
     points[i] = p;
   }
 
  private:
-  TURBOMAP_HD creation_outcome create(created_point& p) const {
+  template <class Poses>
+  TURBOMAP_HD creation_outcome create(created_point& p, Poses& poses) const {
     const auto& a = search.query();
     const auto& b = search.neighbour(p.neighbour);
     const auto& camera_a = a.cameras[a.camera_of(p.query)];
@@ -148,11 +195,38 @@ struct create_point {
     const mat3<decision>& R_ba = search.pair(p.neighbour, a.camera_of(p.query), b.camera_of(p.candidate)).T_ba.R;
     const detail::creation_view va = detail::look_at(a, p.query, search.sigma2);
     const detail::creation_view vb = detail::look_at(b, p.candidate, search.sigma2);
-    const isometry<decision> T_aw = camera_pose(camera_a, search.T_cw[0]);
-    const isometry<decision> T_bw = camera_pose(camera_b, search.T_cw[1 + p.neighbour]);
+    const isometry<decision>& T_aw = poses(search, 0, camera_a);
+    const isometry<decision>& T_bw = poses(search, 1 + p.neighbour, camera_b);
     return detail::create_from_pair<Camera>({va, camera_a.camera, T_aw, decision(search.scale[a.octave[p.query]])},
                                             {vb, camera_b.camera, T_bw, decision(search.scale[b.octave[p.candidate]])},
                                             R_ba, options, p);
+  }
+};
+
+/// Index = run of results: the points of its matches. On the host, where a call per result costs more than to pass over those
+/// without a match, and where the next matches can be asked for.
+template <class Descriptor, class Camera>
+struct create_point_run {
+  static constexpr int length = 1024;    ///< results of a run
+  create_point<Descriptor, Camera> one;  ///< of one result
+  int count;                             ///< results of the search
+
+  /// Makes the points of one run.
+  void operator()(int run) const {
+    constexpr int most = 16;
+    int found[most], size = 0;
+    detail::kept_poses poses;
+    const auto create = [&] {
+      for (int n = 0; n < size; ++n) one.make(found[n], poses);
+      size = 0;
+    };
+    const int begin = run * length, end = count - begin < length ? count : begin + length;
+    for_each_match(one.search.match, begin, end, [&](int i) {
+      one.prefetch(i);
+      found[size++] = i;
+      if (size == most) create();
+    });
+    create();
   }
 };
 
@@ -161,8 +235,9 @@ template <class Derived, class Descriptor, class Camera>
 void launch_create_points(const thrust::execution_policy<Derived>& policy,
                           const search_view<Descriptor, Camera>& search, const creation_options& options,
                           created_point* points) {
-  for_each_index(derived(policy), search.neighbour_count * search.slot_count,
-                 create_point<Descriptor, Camera>{search, options, points});
+  const int count = search.neighbour_count * search.slot_count, length = create_point_run<Descriptor, Camera>::length;
+  for_each_index(derived(policy), count / length + (count % length != 0 ? 1 : 0),
+                 create_point_run<Descriptor, Camera>{{search, options, points}, count});
 }
 
 TURBOMAP_END_NAMESPACE

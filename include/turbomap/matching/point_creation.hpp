@@ -44,8 +44,7 @@ class point_creation {
     const created_point* points = ctx.on_host(points_.data(), count, host_points_);
     ctx.synchronize();
     result.clear();
-    for (std::size_t i = 0; i < count; ++i)
-      if (match[i] != no_match) result.push_back(points[i]);
+    for_each_match(match, 0, matches.size(), [&](int i) { result.push_back(points[i]); });
   }
   /// The same, as a list of its own.
   template <class Descriptor, class Camera>

@@ -17,6 +17,22 @@ TURBOMAP_BEGIN_NAMESPACE
 /// No candidate passed.
 inline constexpr std::int32_t no_match = -1;
 
+/// Calls f(i) for begin <= i < end where result i is a match, in this order. On the host: few are, so many are passed over at once.
+template <class F>
+void for_each_match(const std::int32_t* match, int begin, int end, const F& f) {
+  static_assert(no_match == -1, "all bits are set");
+  constexpr int many = 32;
+  int i = begin;
+  for (; end - i >= many; i += many) {
+    std::int32_t all = no_match;
+    for (int n = 0; n < many; ++n) all &= match[i + n];
+    for (int n = 0; all != no_match && n < many; ++n)
+      if (match[i + n] != no_match) f(i + n);
+  }
+  for (; i < end; ++i)
+    if (match[i] != no_match) f(i);
+}
+
 /// Views of one search. Keyframe 0 is the query, keyframe 1 + n is neighbour n. `slot` numbers the query keypoints that hold
 /// no map point; results are [neighbour][slot].
 template <class Descriptor, class Camera>

@@ -53,6 +53,8 @@ class place_list {
   bool alive(std::int32_t place) const { return slots_.alive(slot_of(place)); }
   /// The present generation of a place (not checked).
   std::uint32_t generation(std::int32_t place) const { return slots_.generation(slot_of(place)); }
+  /// The place that the n-th take() from now gives, if none is given back before; 0 is the next.
+  std::size_t upcoming(std::size_t n) const { return slots_.upcoming(n); }
   /// Prefetches the entry of a place.
   void prefetch(std::int32_t place) const { slots_.prefetch(slot_of(place)); }
   /// Number of places ever taken.

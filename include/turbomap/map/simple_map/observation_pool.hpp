@@ -98,6 +98,7 @@ class observation_pool {
       head = link.keyframe < 0 ? no_block
                                : (static_cast<std::size_t>(static_cast<std::uint32_t>(link.keyframe)) << 31) |
                                      static_cast<std::size_t>(static_cast<std::uint32_t>(link.keypoint) & 0x7FFFFFFFu);
+      if (head != no_block) prefetch_line(&elements_[head]);  // new points come many at a time
       return begin;
     }
     const std::size_t begin = elements_.size();
