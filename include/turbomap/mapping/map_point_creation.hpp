@@ -109,7 +109,7 @@ class map_point_creation {
     for (const created_point& p : plan_) {
       if (p.outcome != creation_outcome::accepted) continue;
       const point_observation pair[]{{0, p.query}, {1 + p.neighbour, p.candidate}};
-      if (taken(pair[0]) != 0 || taken(pair[1]) != 0) continue;  // the commit would pass over it
+      if (taken(pair[0]) != 0 || taken(pair[1]) != 0) continue;  // as first_claims(), in memory that is kept
       taken(pair[0]) = taken(pair[1]) = 1;
       accept(p.position, {pair, 2});
     }
