@@ -5,6 +5,7 @@
 /// turbomap-bundle: adjusts a recorded or published problem and says what it cost. See docs/programs.md.
 
 #include <cstdio>
+#include <stdexcept>
 
 #include <CLI/CLI.hpp>
 
@@ -19,6 +20,7 @@ using turbomap_bundle::arguments;
 using turbomap_bundle::outcome;
 
 outcome run(const arguments& a) {
+  if (a.page_locked && a.policy != "cuda") throw std::invalid_argument("--page-locked: is for --policy cuda");
 #if defined(TURBOMAP_PROGRAM_WITH_CUDA)
   if (a.policy == "cuda") return turbomap_bundle::run_cuda(a);
 #endif
@@ -45,6 +47,9 @@ int main(int argc, char** argv) {
   turbomap_bundle::add_options(app, a);
   app.add_option("--repeat", a.repeat, "adjust so many times; times are medians without the first")
       ->check(CLI::PositiveNumber);
+  app.add_flag(
+      "--page-locked", a.page_locked,
+      "with --policy cuda: rows and points lie in page-locked memory, as those of a system that gathers them there");
   app.add_option("--seed", a.seed, "of the noise, and of a problem that is made");
   app.add_option("--camera", a.camera, "fx fy cx cy bf of a synthetic problem")->expected(5);
   return turbomap_program::run_program(app, argc, argv, [&] {

@@ -70,6 +70,12 @@ void copy_in(const thrust::execution_policy<Derived>&, void* destination, const 
   if (bytes != 0 && destination != source) std::memcpy(destination, source, bytes);
 }
 
+/// Whether copy_in() from there returns before it is done and takes nothing of the host: of page-locked memory under CUDA.
+template <class Derived>
+bool is_page_locked(const thrust::execution_policy<Derived>&, const void*, std::size_t) {
+  return false;
+}
+
 /// Copies bytes from the policy's memory to the host. On CUDA: enqueued; read the destination after synchronize().
 template <class Derived>
 void copy_out(const thrust::execution_policy<Derived>&, void* destination, const void* source, std::size_t bytes) {

@@ -8,7 +8,9 @@
 #include <thrust/execution_policy.h>
 
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <memory_resource>
 #include <stdexcept>
 #include <vector>
 
@@ -247,6 +249,65 @@ TEST_CASE("quaternions that are not of unit length are refused by name") {
   auto& T = s.poses[1];
   T.qx = static_cast<float>(T.qx), T.qy = static_cast<float>(T.qy), T.qz = static_cast<float>(T.qz);
   CHECK(adjust_scene(sequential{}, s, in_float64()).summary.accepted > 0);
+}
+
+TEST_CASE("indices are refused wherever they are outside, information where it is below 0, not for a sign alone") {
+  const auto good = make_adjustment_scene(scene_kind::mono, 3, 1, 10, 3);
+  constexpr int least = std::numeric_limits<int>::min(), most = std::numeric_limits<int>::max();
+  for (const int index : {-1, 10, 11, least, least + 1, least + 9, most}) {
+    CAPTURE(index);
+    for (const std::size_t row : {std::size_t{0}, std::size_t{17}, good.landmark.size() - 1}) {
+      auto bad = good;
+      bad.landmark[row] = index;
+      CHECK_THROWS_WITH_AS(adjust_scene(sequential{}, bad, in_float64()), doctest::Contains("landmark"),
+                           std::invalid_argument);
+    }
+  }
+  auto none = good;
+  none.points.clear();
+  CHECK_THROWS_WITH_AS(adjust_scene(sequential{}, none, in_float64()), doctest::Contains("landmark = "),
+                       std::invalid_argument);
+  auto s = good;
+  s.information[4] = -0.0;  // off
+  CHECK(adjust_scene(sequential{}, s, in_float64()).summary.accepted > 0);
+  s.information[5] = -nan_value;
+  CHECK(adjust_scene(sequential{}, s, in_float64()).summary.end == adjustment_end::not_finite);
+  s.information[6] = -1e-300;
+  CHECK_THROWS_WITH_AS(adjust_scene(sequential{}, s, in_float64()), doctest::Contains("information = -1"),
+                       std::invalid_argument);
+}
+
+TEST_CASE(
+    "which rows are stereo: by the list, else by a u_right that is a number, in a camera that has a right image") {
+  auto s = make_adjustment_scene(scene_kind::stereo, 4, 1, 12, 2);
+  s.rig.resize(1), s.rig.push_back(s.rig[0]), s.rig[1].bf = 0;
+  const std::size_t n = s.frame.size();
+  for (std::size_t i = 0; i < n; ++i) s.camera[i] = static_cast<std::uint8_t>(i % 3 == 0);
+  constexpr double right[] = {250, 0, -1, nan_value, inf_value, -0.0, -inf_value};
+  for (std::size_t i = 0; i < n; ++i) s.pixel[i].z = right[i % 7];
+  using group_type = turbomap::reprojections<scene_camera>;
+  using kept_type = turbomap::resident_group<group_type, pose_frame, turbomap::host_memory>;
+  const auto kinds = [&](const group_type& g) {
+    kept_type kept(std::pmr::get_default_resource(), std::pmr::get_default_resource());
+    turbomap::structure_inputs inputs;
+    kept.describe(g, inputs);
+    return std::vector<int>(kept.kinds(), kept.kinds() + n);
+  };
+  std::vector<int> by_number, by_list, first_camera;
+  std::vector<std::uint8_t> list;
+  for (std::size_t i = 0; i < n; ++i) {
+    const int c = s.camera[i];
+    const bool is_number = right[i % 7] >= 0 && right[i % 7] < inf_value;
+    list.push_back(static_cast<std::uint8_t>(i % 5 == 0 ? 7 : 0));
+    by_number.push_back(2 * c + (is_number && c == 0 ? 1 : 0));
+    by_list.push_back(2 * c + (i % 5 == 0 ? 1 : 0)), first_camera.push_back(is_number ? 1 : 0);
+  }
+  auto g = s.group();
+  CHECK(kinds(g) == by_number);
+  g.stereo = span<const std::uint8_t>(list);
+  CHECK(kinds(g) == by_list);
+  g.stereo = {}, g.camera = {};
+  CHECK(kinds(g) == first_camera);
 }
 
 TEST_CASE("a translation of finite numbers whose sum overflows is finite") {

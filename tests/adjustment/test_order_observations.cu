@@ -13,7 +13,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <memory_resource>
 #include <random>
+#include <type_traits>
 #include <vector>
 
 #include <turbomap/adjustment/structure_builder.hpp>
@@ -211,6 +213,69 @@ TEST_CASE("numbers that are not finite, and bad input after a good one") {
   problem.frames(ctx, after.poses), problem.landmarks(ctx, after.points);
   CHECK(same_bits(after.summary, before.summary));
   CHECK(same_bits(after.points, before.points));
+}
+
+TEST_CASE("what lies in page-locked memory is copied from there, with the same result, and nothing of it is kept") {
+  const stream on;
+  turbomap::context<stream_policy> ctx{on.policy()};
+  const adjustment_scene s = random_rows(30, 4000, 30000, row_order::any);
+  auto* const locked = turbomap::default_staging_resource(turbomap::device_memory{});
+  const auto in = [&](const auto& from) {
+    using element = typename std::decay_t<decltype(from)>::value_type;
+    std::pmr::vector<element> to(from.begin(), from.end(), locked);
+    return to;
+  };
+  auto frame = in(s.frame), landmark = in(s.landmark);
+  auto pixel = in(s.pixel), points = in(s.points);
+  auto information = in(s.information);
+  using turbomap::is_page_locked;
+  CHECK(is_page_locked(ctx.policy(), pixel.data(), pixel.size() * sizeof(pixel[0])));
+  CHECK_FALSE(is_page_locked(ctx.policy(), s.pixel.data(), s.pixel.size() * sizeof(s.pixel[0])));
+  CHECK_FALSE(is_page_locked(ctx.policy(), pixel.data(), 0));
+  const auto estimate = [&](device_problem& problem) {
+    adjusted a;
+    auto options = in_float64();
+    options.max_iterations = 2;
+    a.summary = turbomap::adjust<float64_methods>(ctx, problem, options);
+    problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);
+    return a;
+  };
+  device_problem problem(ctx);
+  problem.assign(ctx, s.frame_input(), s.landmark_input(), s.group());
+  const adjusted expected = estimate(problem);
+  auto group = s.group();
+  const auto views = [&] {
+    group.frame = turbomap::span<const std::int32_t>(frame),
+    group.landmark = turbomap::span<const std::int32_t>(landmark);
+    group.pixel = turbomap::span<const turbomap::vec3<double>>(pixel);
+    group.information = turbomap::span<const double>(information);
+    auto landmarks = s.landmark_input();
+    landmarks.positions = turbomap::span<const turbomap::vec3<double>>(points);
+    return landmarks;
+  };
+  problem.assign(ctx, s.frame_input(), views(), group);
+  REQUIRE(problem.data().structure.elsewhere);
+  for (auto& z : pixel) z = {0, 0, 0};
+  for (auto& x : points) x = {0, 0, 0};
+  for (auto& l : landmark) l = 0;
+  const adjusted found = estimate(problem);
+  CHECK(same_bits(found.summary, expected.summary));
+  CHECK(same_bits(found.points, expected.points));
+  CHECK(distance(found.poses, expected.poses) == 0);
+
+  // Half of it: some arrays are staged, the others are not, in either order.
+  pixel = in(s.pixel), points = in(s.points), landmark = in(s.landmark);
+  auto landmarks = views();
+  group.pixel = turbomap::span<const turbomap::vec3<double>>(s.pixel);
+  group.frame = turbomap::span<const std::int32_t>(s.frame);
+  problem.assign(ctx, s.frame_input(), landmarks, group);
+  CHECK(same_bits(estimate(problem).points, expected.points));
+  landmarks = views();
+  group.information = turbomap::span<const double>(s.information);
+  group.landmark = turbomap::span<const std::int32_t>(s.landmark);
+  landmarks.positions = turbomap::span<const turbomap::vec3<double>>(s.points);
+  problem.assign(ctx, s.frame_input(), landmarks, group);
+  CHECK(same_bits(estimate(problem).points, expected.points));
 }
 
 TEST_CASE("chi2 and depth are those of the host, row by row; the solvers that need the lists on the host find them") {

@@ -24,6 +24,7 @@ struct arguments {
   std::string damping;      ///< identity, diagonal; empty: identity for lba, else diagonal
   double lambda_scale = 0;  ///< first damping, relative to the largest diagonal element, or to each; 0: 1e-5, 1e-4
   int repeat = 1;
+  bool page_locked = false;               ///< what is adjusted lies in page-locked memory
   double perturb_m = 0, perturb_rad = 0;  ///< noise added to what is free, before the adjustment
   unsigned seed = 1;
   /// fx fy cx cy bf of a problem of `lba` arrays without a camera: those of the synthetic ones.

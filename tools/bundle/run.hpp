@@ -6,6 +6,7 @@
 /// One run of turbomap-bundle under one policy: loads, adjusts, and makes the JSON of the contract.
 
 #include <cmath>
+#include <stdexcept>
 #include <string>
 #include <type_traits>
 #include <variant>
@@ -77,22 +78,30 @@ struct adjust_loaded {
   template <class Camera>
   nlohmann::json operator()(const rig_problem<Camera>& p) const {
     const auto options = options_of(a);
-    const auto s = a.kernel == "none" ? solve_rig(policy, a.repeat, options, p, HUGE_VAL, HUGE_VAL)
-                                      : solve_rig(policy, a.repeat, options, p);
+    const bool robust = a.kernel != "none";
+    const auto s =
+        solve_rig(policy, a.repeat, options, p, robust ? 5.991 : HUGE_VAL, robust ? 7.815 : HUGE_VAL, a.page_locked);
     auto json = json_of(s, 1);
     add_sizes(json, p.data.T_cw.size(), p.data.points.size(), p.data.observation_count());
     return json;
   }
   nlohmann::json operator()(const turbomap::bal_problem& p) const {
+    refuse_page_locked();
     const auto options = options_of(a);
     const auto s = solve_bal(policy, a.repeat, options, p, a.kernel == "huber" ? 5.991 : HUGE_VAL);
     auto json = json_of(s, 0.5);
     add_sizes(json, p.cameras.size(), p.points.size(), p.pixel.size());
     return json;
   }
-  nlohmann::json operator()(const turbomap::schur_system& s) const { return check_schur(policy, s, a.repeat); }
+  nlohmann::json operator()(const turbomap::schur_system& s) const {
+    refuse_page_locked();
+    return check_schur(policy, s, a.repeat);
+  }
 
  private:
+  void refuse_page_locked() const {
+    if (a.page_locked) throw std::invalid_argument("--page-locked: is for problems of reprojections, not for this one");
+  }
   static void add_sizes(nlohmann::json& json, std::size_t frames, std::size_t landmarks, std::size_t observations) {
     json["frames"] = frames, json["landmarks"] = landmarks, json["observations"] = observations;
   }
@@ -109,6 +118,7 @@ outcome run(const Policy& policy, const arguments& given) {
   o.json["file"] = a.input.string(), o.json["format"] = format, o.json["policy"] = a.policy;
   o.json["solver"] = a.solver, o.json["precision"] = a.precision;
   o.json["damping_rule"] = a.damping;
+  if (a.page_locked) o.json["page_locked"] = true;
   return o;
 }
 

@@ -126,18 +126,44 @@ inline turbomap::huber huber_of(double delta2) {
   return kernel;
 }
 
-/// Poses and points of a rig problem.
+/// A copy of a list in the memory that copies to the policy's begin from (--page-locked). Empty where it is not wanted.
+template <class T>
+class staged_list {
+ public:
+  template <class Policy>
+  staged_list(const Policy&, const std::vector<T>& from, bool wanted)
+      : from_(from), to_(turbomap::default_staging_resource(turbomap::memory_of_t<Policy>{})) {
+    if (!wanted) return;
+    to_.resize_discard(from.size());
+    std::copy(from.begin(), from.end(), to_.data());
+  }
+  /// The copy, or the list.
+  turbomap::span<const T> operator()() const {
+    return to_.size() != 0 ? turbomap::span<const T>(to_.data(), to_.size()) : turbomap::span<const T>(from_);
+  }
+
+ private:
+  const std::vector<T>& from_;
+  turbomap::array<T, turbomap::host_memory> to_;
+};
+
+/// Poses and points of a rig problem. \param page_locked  what is adjusted lies in page-locked memory
 template <class Policy, class Camera>
 solution<turbomap::rigid_transform<double>> solve_rig(const Policy& policy, int repeat,
                                                       const turbomap::adjustment_options& options,
                                                       const rig_problem<Camera>& p, double mono_delta2 = 5.991,
-                                                      double stereo_delta2 = 7.815) {
+                                                      double stereo_delta2 = 7.815, bool page_locked = false) {
   using problem = turbomap::bundle_problem<Policy, turbomap::pose_frame, turbomap::reprojections<Camera>>;
-  const auto observations = reprojections_of(p, huber_of(mono_delta2), huber_of(stereo_delta2));
+  auto observations = reprojections_of(p, huber_of(mono_delta2), huber_of(stereo_delta2));
   const auto& d = p.data;
+  const staged_list frame(policy, d.frame, page_locked), landmark(policy, d.landmark, page_locked);
+  const staged_list pixel(policy, d.pixel, page_locked);
+  const staged_list information(policy, d.information, page_locked);
+  const staged_list points(policy, d.points, page_locked);
+  observations.frame = frame(), observations.landmark = landmark();
+  observations.pixel = pixel(), observations.information = information();
   return solve<problem>(policy, repeat, options, [&](auto& ctx, auto& to) {
-    to.assign(ctx, {{d.T_cw.data(), d.T_cw.size()}, {d.fixed.data(), d.fixed.size()}},
-              {{d.points.data(), d.points.size()}}, observations);
+    to.assign(ctx, {{d.T_cw.data(), d.T_cw.size()}, {d.fixed.data(), d.fixed.size()}}, {points()}, observations);
   });
 }
 

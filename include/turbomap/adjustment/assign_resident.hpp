@@ -4,7 +4,7 @@
 
 /// \file
 /// bundle_problem::assign() under a policy that makes the lists of observations itself (order_observations.hpp): what was given
-/// goes up in one block, indices first, so that they are put in order while the measurements follow. The host waits once.
+/// goes up as one block, indices first, so that they are put in order while the measurements follow. The host waits once.
 
 #include <cstddef>
 #include <cstdint>
@@ -23,11 +23,14 @@ TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
-/// Fills a part of a block and enqueues its copy. Much at once is not staged: pinned memory is scarce.
+/// Fills a part of a block and enqueues its copy. Much at once is not staged: pinned memory is scarce. Nor is a large array that
+/// the caller has in page-locked memory: it is copied from where it is.
 template <class Policy>
 class block_sender {
  public:
   static constexpr std::size_t most_staged = std::size_t{1} << 26;
+  /// Bytes from which on to begin a copy takes less than to stage them.
+  static constexpr std::size_t least_borrowed = std::size_t{1} << 16;
 
   block_sender(context<Policy>& ctx, array<std::byte, memory_of_t<Policy>>& to, std::size_t bytes)
       : ctx_(ctx), staged_(bytes <= most_staged), block_{nullptr, nullptr} {
@@ -38,13 +41,37 @@ class block_sender {
       block_.resident = to.data();
     }
   }
-  /// The next part, in the order of places.
+  block_sender(const block_sender&) = delete;
+  block_sender& operator=(const block_sender&) = delete;
+  /// After an exception the caller may free what is still being copied: waits.
+  ~block_sender() {
+    if (!borrowed_) return;
+    try {
+      ctx_.synchronize();
+    } catch (...) {  // the exception that is under way says more
+    }
+  }
+  /// Enqueues the copy of a large array from where it is, if that is page-locked. False: put() it in its turn.
   template <class T>
-  const T* put(const input_slot<T>& slot, const T* from) {
-    if (!staged_)
-      copy_in(ctx_.policy(), block_.resident + slot.at, from, slot.size * sizeof(T));
-    else
-      slot.copy(block_, from), end_ = slot.at + slot.size * sizeof(T);
+  bool borrow(const input_slot<T>& slot, const T* from) {
+    const std::size_t bytes = slot.size * sizeof(T);
+    if (bytes < least_borrowed || !is_page_locked(ctx_.policy(), from, bytes)) return false;
+    borrowed_ = true;
+    copy_in(ctx_.policy(), block_.resident + slot.at, from, bytes);
+    return true;
+  }
+  /// The next part, in the order of places. \param sent  by borrow()
+  template <class T>
+  const T* put(const input_slot<T>& slot, const T* from, bool sent = false) {
+    const std::size_t bytes = slot.size * sizeof(T);
+    if (sent || borrow(slot, from)) {
+      send();  // what was put before it
+      begin_ = end_ = slot.at + bytes;
+    } else if (staged_) {
+      slot.copy(block_, from), end_ = slot.at + bytes;
+    } else {
+      copy_in(ctx_.policy(), block_.resident + slot.at, from, bytes);
+    }
     return slot.size == 0 ? nullptr : slot.resident(block_);
   }
   /// Sends what was put since the last time.
@@ -53,10 +80,12 @@ class block_sender {
     ctx_.send({block_.host + begin_, block_.resident + begin_}, end_ - begin_);
     begin_ = end_;
   }
+  /// The caller has waited for all copies.
+  void arrived() { borrowed_ = false; }
 
  private:
   context<Policy>& ctx_;
-  bool staged_;
+  bool staged_, borrowed_ = false;
   upload_block block_;
   std::size_t begin_ = 0, end_ = 0;
 };
@@ -117,8 +146,8 @@ resident_assignment assign_resident(context<Policy>& ctx, Data& data, structure_
   const std::size_t free = static_cast<std::size_t>(s.free_frames);
   packed_inputs inputs;
   const auto keys = inputs.place<std::int32_t>(n), frame_of_key = inputs.place<std::int32_t>(n);
-  const auto row_frame = inputs.place<std::int32_t>(rows), row_landmark = inputs.place<std::int32_t>(rows);
   const auto kind = inputs.place<std::uint8_t>(rows), fixed = inputs.place<std::uint8_t>(landmarks.fixed.size());
+  const auto row_frame = inputs.place<std::int32_t>(rows), row_landmark = inputs.place<std::int32_t>(rows);
   const auto free_of_frame = inputs.place<std::int32_t>(n), frame_factor = inputs.place<std::int32_t>(free + 1);
   const auto frame_factor_list = inputs.place<std::int32_t>(s.frame_factor_list.size());
   const auto frame_pair = inputs.place<std::int32_t>(free + 1);
@@ -144,15 +173,18 @@ resident_assignment assign_resident(context<Policy>& ctx, Data& data, structure_
   data.estimate.resize(n, m);
   data.workspace.observations.resize_discard(1);
   ctx.begin_call();
-  auto* const report = ctx.template scratch<observation_report>(1);
 
   input.key_of_frame = block.put(keys, builder.keys().data());
   input.frame_of_key = block.put(frame_of_key, builder.frames_of_keys(s.frames).data());
-  input.frame = block.put(row_frame, group.frame.data()),
-  input.landmark = block.put(row_landmark, group.landmark.data());
   input.kind = block.put(kind, kept.kinds()), input.fixed = block.put(fixed, landmarks.fixed.data());
+  input.frame = block.put(row_frame, group.frame.data());
+  input.landmark = block.put(row_landmark, group.landmark.data());
   block.send();
-  launch_order_observations(policy, ctx.scratch(), input, lists, report);
+  // What the caller has in page-locked memory is sent before kernels are launched: its copies take nothing of the host.
+  const bool positions_sent = block.borrow(positions, landmarks.positions.data());
+  const bool information_sent = block.borrow(information, group.information.data());
+  const bool pixel_sent = block.borrow(pixel, group.pixel.data());
+  observation_report* const report = launch_order_observations(policy, ctx.scratch(), input, lists);
 
   data.landmark_fixed.host().assign(landmarks.fixed.begin(), landmarks.fixed.end());
   data.landmark_fixed.adopt(input.fixed);
@@ -166,16 +198,16 @@ resident_assignment assign_resident(context<Policy>& ctx, Data& data, structure_
   kept.prepare_cameras(group, median_distance(in.landmark_groups, frames, landmarks));
   const camera* const prepared = block.put(cameras, kept.cameras().data());
   const place_estimate<Frame> estimate{block.put(states, frames.states.data()),
-                                       block.put(positions, landmarks.positions.data()),
+                                       block.put(positions, landmarks.positions.data(), positions_sent),
                                        s.frames,
                                        s.landmarks,
                                        data.estimate.current(),
                                        report};
   std::apply([&](const auto&... g) { (g.kept.put(block, g.slots, g.given), ...); }, of_rest);
-  const double* const sent = block.put(information, group.information.data());
+  const double* const sent = block.put(information, group.information.data(), information_sent);
   block.send();
   launch_place_estimate(policy, estimate);
-  const vec3<double>* const sent_pixel = block.put(pixel, group.pixel.data());
+  const vec3<double>* const sent_pixel = block.put(pixel, group.pixel.data(), pixel_sent);
   block.send();
   measurements.information = measured_there ? group.resident_information : sent;
   measurements.pixel = measured_there ? group.resident_pixel : sent_pixel, measurements.report = report;
@@ -183,6 +215,7 @@ resident_assignment assign_resident(context<Policy>& ctx, Data& data, structure_
   observation_report& told = *data.workspace.observations.data();
   copy_out(policy, &told, report, sizeof told);
   ctx.synchronize();
+  block.arrived();
   if (told.too_long != 0) return {false, true};
   s.sizes = told.sizes, s.partials = told.sizes.chunks, s.elsewhere = s.groups_elsewhere = true;
   kept.made(prepared, told.sizes.chunks);

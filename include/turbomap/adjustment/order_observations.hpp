@@ -70,10 +70,10 @@ struct observation_report {
 template <class Derived>
 bool can_order_observations(const thrust::execution_policy<Derived>& policy, const observation_input& in);
 
-/// Makes them. \param scratch  memory for the work  \param report  where the policy computes
+/// Makes them. Returns the report, where the policy computes. \param scratch  memory for the work and the report
 template <class Derived, class Arena>
-void launch_order_observations(const thrust::execution_policy<Derived>& policy, Arena& scratch,
-                               const observation_input& in, const observation_lists& to, observation_report* report);
+observation_report* launch_order_observations(const thrust::execution_policy<Derived>& policy, Arena& scratch,
+                                              const observation_input& in, const observation_lists& to);
 
 /// Index = entry: measurements in the order of the entries.
 struct place_observations {

@@ -55,6 +55,7 @@ class basic_bundle_problem {
   /// Takes a problem, in place of the one before. Indices of frames and landmarks are places in the two inputs; nothing of
   /// the inputs is kept. O(observations), and in adjust() once O(pairs of frames that see one landmark).
   /// Numbers that are not finite are not refused here: adjust() then ends with adjustment_end::not_finite.
+  /// Under CUDA, large arrays of reprojections and landmarks are copied from where they are if that is page-locked memory.
   /// \throws std::invalid_argument  an index, a size or a kernel is wrong, or a quaternion not of unit length; the problem
   ///         is as it was. (std::bad_alloc: it is empty.)
   template <class Policy>

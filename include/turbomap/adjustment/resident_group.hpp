@@ -132,10 +132,11 @@ void launch_return_rows(const thrust::execution_policy<Derived>& policy, const r
 namespace detail {
 
 inline void require_indices(span<const std::int32_t> index, int end, const char* name) {
-  // No branch in the loop, and no bool, which compilers do not vectorise: they are rarely wrong.
-  std::uint32_t outside = 0;
-  for (const auto i : index) outside |= static_cast<std::uint32_t>(i) >= static_cast<std::uint32_t>(end) ? 1U : 0U;
-  if (outside == 0) return;
+  // The sign of either is set where one is outside. No comparison in the loop: they are rarely wrong.
+  const auto last = static_cast<std::uint32_t>(end) - 1;
+  std::uint32_t signs = 0;
+  for (const auto i : index) signs |= static_cast<std::uint32_t>(i) | (last - static_cast<std::uint32_t>(i));
+  if (signs >> 31 == 0) return;
   for (const auto i : index) require(i >= 0 && i < end, name, i, "is no such frame or landmark");
 }
 

@@ -62,9 +62,9 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
     for (std::size_t i = 0; !all_have_right && i < g.stereo.size(); ++i)
       require(g.stereo[i] == 0 || g.rig[g.camera.empty() ? 0 : g.camera[i]].bf > 0, "stereo", i,
               "is a row whose camera has no right image (bf = 0)");
-    std::uint64_t negative = 0;  // no branches in the loop
-    for (std::size_t i = 0; i < n; ++i) negative |= g.information[i] < 0 ? 1U : 0U;
-    for (std::size_t i = 0; negative != 0 && i < n; ++i)
+    std::uint64_t signs = 0;  // whether any is set: no comparison in the loop
+    for (std::size_t i = 0; i < n; ++i) signs |= detail::bits_of(g.information[i]);
+    for (std::size_t i = 0; signs >> 63 != 0 && i < n; ++i)
       require(!(g.information[i] < 0), "information", g.information[i], "must not be negative");
   }
   static bool all_finite(const group_type& g) {
@@ -82,21 +82,14 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
 
   void describe(const group_type& g, structure_inputs& to) {
     kind_.resize(g.frame.size());
-    const std::uint8_t* const camera = g.camera.empty() ? nullptr : g.camera.data();
     const std::uint8_t* const stereo = g.stereo.empty() ? nullptr : g.stereo.data();
-    std::uint8_t* const kind = kind_.data();
-    for (std::size_t i = 0; i < kind_.size(); ++i) {
-      const int c = camera == nullptr ? 0 : camera[i];
-      bool right = false;
-      if (stereo != nullptr) {
-        right = stereo[i] != 0;
-      } else {
-        right = g.pixel[i].z >= 0;
-        right &= detail::is_finite(g.pixel[i].z);
-        right &= g.rig[c].bf > 0;
-      }
-      kind[i] = static_cast<std::uint8_t>(2 * c + (right ? 1 : 0));
-    }
+    if (stereo != nullptr)
+      describe_rows(g, [=](std::size_t i, int) { return stereo[i] != 0; });
+    else
+      describe_rows(g, [&](std::size_t i, int c) {
+        const double z = g.pixel[i].z;
+        return (z >= 0) & detail::is_finite(z) & (g.rig[c].bf > 0);
+      });
     to.landmark_groups.push_back({g.frame, g.landmark, kind_.data(), 2 * g.rig.count});
   }
 
@@ -204,6 +197,19 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
   std::size_t size() const { return size_; }
 
  private:
+  /// Fills in the kinds. No choice in the loops: they take a few rows at once. \param has_right  whether row i, of camera c, is stereo
+  template <class HasRight>
+  void describe_rows(const group_type& g, HasRight has_right) {
+    std::uint8_t* const kind = kind_.data();
+    const std::size_t n = kind_.size();
+    if (g.camera.empty()) {
+      for (std::size_t i = 0; i < n; ++i) kind[i] = has_right(i, 0) ? 1 : 0;
+    } else {
+      const std::uint8_t* const camera = g.camera.data();
+      for (std::size_t i = 0; i < n; ++i)
+        kind[i] = static_cast<std::uint8_t>(2 * camera[i] + (has_right(i, camera[i]) ? 1 : 0));
+    }
+  }
   void begin(const group_type& g, group_place& place) {
     landmark_group_ = place.landmark_group++, first_chunk_ = place.first_chunk;
     size_ = g.frame.size();

@@ -138,6 +138,18 @@ void copy_in(const thrust::cuda_cub::execution_policy<Derived>& policy, void* de
              "copy to the device");
 }
 
+/// Whether bytes of the host are page-locked, by the first and the last of them: of cuda_pinned_resource, cudaMallocHost() or
+/// cudaHostRegister(). Asking takes less than a microsecond. Throws device_error.
+template <class Derived>
+bool is_page_locked(const thrust::cuda_cub::execution_policy<Derived>&, const void* bytes, std::size_t n) {
+  const auto is_locked = [](const void* byte) {
+    cudaPointerAttributes attributes{};
+    check_cuda(cudaPointerGetAttributes(&attributes, byte), "attributes of host memory");
+    return attributes.type == cudaMemoryTypeHost;
+  };
+  return n != 0 && is_locked(bytes) && is_locked(static_cast<const std::byte*>(bytes) + n - 1);
+}
+
 /// Copies to the host in the order of the policy's stream; done after synchronize(). Throws device_error.
 template <class Derived>
 void copy_out(const thrust::cuda_cub::execution_policy<Derived>& policy, void* destination, const void* source,

@@ -22,11 +22,12 @@ __device__ inline T sum_lanes(T x) {
 }
 
 /// The sum over the lanes up to this one, this one included. All lanes of the warp take part.
-__device__ inline int sum_up_to_lane(int x) {
+template <class T>
+__device__ inline T sum_up_to_lane(T x) {
   const int lane = static_cast<int>(threadIdx.x) % warp_size;
 #pragma unroll
   for (int d = 1; d < warp_size; d *= 2) {
-    const int other = __shfl_up_sync(whole_warp, x, static_cast<unsigned>(d));
+    const T other = __shfl_up_sync(whole_warp, x, static_cast<unsigned>(d));
     if (lane >= d) x += other;
   }
   return x;

@@ -35,17 +35,22 @@ struct epsilon<float> {
 template <class T>
 struct epsilon<strict<T>> : epsilon<T> {};
 
-/// True for neither infinity nor NaN. Looks at the exponent bits: -ffast-math removes the usual comparisons.
-TURBOMAP_HD inline bool is_finite(double a) {
+/// The bits of a number: its sign is the uppermost.
+TURBOMAP_HD inline std::uint64_t bits_of(double a) {
   std::uint64_t bits;
   std::memcpy(&bits, &a, sizeof bits);
-  return (bits & 0x7FF0000000000000u) != 0x7FF0000000000000u;
+  return bits;
 }
-TURBOMAP_HD inline bool is_finite(float a) {
+/// The same in 32 bits.
+TURBOMAP_HD inline std::uint32_t bits_of(float a) {
   std::uint32_t bits;
   std::memcpy(&bits, &a, sizeof bits);
-  return (bits & 0x7F800000u) != 0x7F800000u;
+  return bits;
 }
+
+/// True for neither infinity nor NaN. Looks at the exponent bits: -ffast-math removes the usual comparisons.
+TURBOMAP_HD inline bool is_finite(double a) { return (bits_of(a) & 0x7FF0000000000000u) != 0x7FF0000000000000u; }
+TURBOMAP_HD inline bool is_finite(float a) { return (bits_of(a) & 0x7F800000u) != 0x7F800000u; }
 template <class T>
 TURBOMAP_HD bool is_finite(strict<T> a) {
   return is_finite(a.value);
@@ -56,18 +61,10 @@ TURBOMAP_HD bool is_finite(const S& a) {
   return a - a == S(0);
 }
 
-TURBOMAP_HD inline bool is_nan(double a) {
-  std::uint64_t bits;
-  std::memcpy(&bits, &a, sizeof bits);
-  return (bits << 1) > 0xFFE0000000000000u;
-}
+TURBOMAP_HD inline bool is_nan(double a) { return (bits_of(a) << 1) > 0xFFE0000000000000u; }
 
 /// True for a set sign bit, also that of -0.
-TURBOMAP_HD inline bool is_negative(double a) {
-  std::uint64_t bits;
-  std::memcpy(&bits, &a, sizeof bits);
-  return (bits >> 63) != 0;
-}
+TURBOMAP_HD inline bool is_negative(double a) { return (bits_of(a) >> 63) != 0; }
 
 /// x - quadrant * pi/2 = r, |r| <= pi/4 (Cody and Waite: pi/2 in three parts whose products with the quadrant are
 /// exact). Needs |x| <= 2^20. Returns the quadrant modulo 4.

@@ -21,19 +21,21 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// What the kernels work on.
 struct observation_work : observation_input, observation_lists {
-  observation_report* report;  ///< where the policy computes
-  std::int32_t* bin_rows;      ///< [frame by its key, kind] rows, counted
-  std::int32_t* bin_chunk;     ///< [+ 1] its first chunk
-  std::int32_t* row_count;     ///< [landmark]
-  std::int32_t* slot_count;    ///< [landmark]
-  std::int32_t* free_count;    ///< [landmark] couplings
-  std::int32_t* frame_count;   ///< [free frame] slots
-  std::int32_t* coupling_of;   ///< [landmark + 1] its first one
-  std::int32_t* place;         ///< [row of the input] among those of its landmark, in any order
-  std::uint64_t* mixed;        ///< [row] (key of the frame, row of the input), in any order within a landmark
-  std::uint64_t* ordered;      ///< [row] the same in their order
-  std::int32_t* row_bin;       ///< [row]
-  std::int32_t* row_coupling;  ///< [row] -1: of a fixed frame
+  observation_report* report;            ///< where the policy computes
+  std::int32_t* bin_rows;                ///< [frame by its key, kind] rows, counted
+  std::int32_t* bin_chunk;               ///< [+ 1] its first chunk
+  std::int32_t* row_count;               ///< [landmark]
+  std::int32_t* slot_count;              ///< [landmark] and `moves`
+  std::int32_t* free_count;              ///< [landmark] couplings
+  std::int32_t* frame_count;             ///< [free frame] slots
+  std::int32_t* coupling_of;             ///< [landmark + 1] its first one
+  std::int32_t* place;                   ///< [row of the input] among those of its landmark, in any order
+  std::uint64_t* mixed;                  ///< [row] (key of the frame, row of the input), in any order within a landmark
+  std::uint64_t* ordered;                ///< [row] the same in their order
+  std::int32_t* row_bin;                 ///< [row]
+  std::int32_t* row_coupling;            ///< [row] -1: of a fixed frame
+  unsigned* arrived;                     ///< [2] blocks of count_rows and sort_rows that are done
+  static constexpr int moves = 1 << 30;  ///< added to a slot_count: the landmark has rows and is not fixed
 
   /// Of an element of `mixed`: the key of its frame.
   __device__ static int key_of(std::uint64_t row) { return static_cast<int>(row >> 32); }
@@ -41,67 +43,131 @@ struct observation_work : observation_input, observation_lists {
   __device__ static int source_of(std::uint64_t row) { return static_cast<int>(row & 0xffffffffU); }
 };
 
-/// Index = row of the input.
-struct count_rows {
-  observation_work w;  ///< what it works on
-  /// Row i.
-  __device__ void operator()(int i) const {
-    w.place[i] = atomicAdd(w.row_count + w.landmark[i], 1);
-    atomicAdd(w.bin_rows + w.key_of_frame[w.frame[i]] * w.kinds + w.kind[i], 1);
-  }
-};
-
-/// Index = row of the input: puts it beside those of its landmark.
-struct gather_rows {
-  observation_work w;  ///< what it works on
-  /// Row i.
-  __device__ void operator()(int i) const {
-    w.mixed[w.landmark_row[w.landmark[i]] + w.place[i]] =
-        static_cast<std::uint64_t>(w.key_of_frame[w.frame[i]]) << 32 | static_cast<unsigned>(i);
-  }
-};
-
 namespace detail {
 
-/// Sums before each of n numbers, by one block: write(i, sum of read(k) for k < i) for i <= n. Returns the sum of all.
-template <int Threads, class Read, class Write>
-__device__ inline int scan_by_block(int n, Read read, Write write) {
-  const int thread = static_cast<int>(threadIdx.x), each = (n + Threads - 1) / Threads;
-  const int first = thread * each < n ? thread * each : n, last = first + each < n ? first + each : n;
-  int own = 0;
-  for (int i = first; i < last; ++i) own += read(i);
-  int before, all;
-  scan_block<Threads>(own, before, all);
-  for (int i = first; i < last; ++i) {
-    write(i, before);
-    before += read(i);
+/// Numbers that other blocks wrote, for scan_by_block(). \param from  aligned for int4; may be read up to a multiple of 8
+__device__ inline void read_numbers(const std::int32_t* from, int n, int first, int (&x)[scanned_at_once]) {
+  static_assert(scanned_at_once == 8);
+  int4 half[2] = {};
+  if (first < n) half[0] = __ldcg(reinterpret_cast<const int4*>(from + first));
+  if (first + 4 < n) half[1] = __ldcg(reinterpret_cast<const int4*>(from + first + 4));
+#pragma unroll
+  for (int h = 0; h < 2; ++h)
+    x[4 * h] = half[h].x, x[4 * h + 1] = half[h].y, x[4 * h + 2] = half[h].z, x[4 * h + 3] = half[h].w;
+#pragma unroll
+  for (int k = 0; k < 8; ++k) x[k] = first + k < n ? x[k] : 0;
+}
+
+/// The sums of scan_by_block(). \param to  aligned for int4
+__device__ inline void write_numbers(const int (&x)[scanned_at_once], int n, int first, std::int32_t* to) {
+  if (first + 8 <= n) {
+    *reinterpret_cast<int4*>(to + first) = {x[0], x[1], x[2], x[3]};
+    *reinterpret_cast<int4*>(to + first + 4) = {x[4], x[5], x[6], x[7]};
+    return;
   }
-  if (thread == 0) write(n, all);
-  return all;
+#pragma unroll
+  for (int k = 0; k < 8; ++k)
+    if (first + k < n) to[first + k] = x[k];
+}
+
+/// One block: where the rows of each landmark and the chunks of each bin begin.
+template <class Tuning>
+__device__ inline void begin_rows(const observation_work& w) {
+  const int bins = w.frames * w.kinds;
+  const int rows = scan_by_block<Tuning::scan_threads, int>(
+      w.landmarks, [&](int first, int(&x)[8]) { read_numbers(w.row_count, w.landmarks, first, x); },
+      [&](int first, const int(&sum)[8]) { write_numbers(sum, w.landmarks, first, w.landmark_row); });
+  const int chunks = scan_by_block<Tuning::scan_threads, int>(
+      bins,
+      [&](int first, int(&x)[8]) {
+        read_numbers(w.bin_rows, bins, first, x);
+        for (int& count : x) count = (count + observation_padding - 1) / observation_padding;
+      },
+      [&](int first, const int(&sum)[8]) {
+        for (int k = 0; k < 8 && first + k < bins; ++k) {
+          w.bin_chunk[first + k] = sum[k];
+          if ((first + k) % w.kinds == 0 && (first + k) / w.kinds <= w.free_frames)
+            w.frame_partial[(first + k) / w.kinds] = sum[k];
+        }
+      });
+  if (threadIdx.x != 0) return;
+  w.landmark_row[w.landmarks] = rows, w.bin_chunk[bins] = chunks, w.report->sizes.chunks = chunks;
+  if (w.free_frames == w.frames) w.frame_partial[w.free_frames] = chunks;
+}
+
+/// One block: where the slots and couplings of each landmark and the slots of each frame begin, and the sizes of all.
+template <class Tuning>
+__device__ inline void begin_slots(const observation_work& w) {
+  constexpr int threads = Tuning::scan_threads;
+  __shared__ std::int64_t pairs_of_warp[threads / warp_size];
+  __shared__ int moving_of_warp[threads / warp_size];
+  const int thread = static_cast<int>(threadIdx.x);
+  std::int64_t pairs = 0;
+  int moving = 0;
+  const std::int64_t both = scan_by_block<threads, std::int64_t>(  // slots in the upper half, couplings in the lower
+      w.landmarks,
+      [&](int first, std::int64_t(&x)[8]) {
+        int slots[8], couplings[8];
+        read_numbers(w.slot_count, w.landmarks, first, slots),
+            read_numbers(w.free_count, w.landmarks, first, couplings);
+#pragma unroll
+        for (int k = 0; k < 8; ++k) {
+          const std::int64_t n = slots[k] & ~w.moves;
+          pairs += n * (n - 1) / 2, moving += (slots[k] & w.moves) != 0 ? 1 : 0;
+          x[k] = n << 32 | couplings[k];
+        }
+      },
+      [&](int first, const std::int64_t(&sum)[8]) {
+        int slots[8], couplings[8];
+#pragma unroll
+        for (int k = 0; k < 8; ++k) slots[k] = static_cast<int>(sum[k] >> 32), couplings[k] = static_cast<int>(sum[k]);
+        write_numbers(slots, w.landmarks, first, w.landmark_slot);
+        write_numbers(couplings, w.landmarks, first, w.coupling_of);
+      });
+  const int slots_of_frames = scan_by_block<threads, int>(
+      w.free_frames, [&](int first, int(&x)[8]) { read_numbers(w.frame_count, w.free_frames, first, x); },
+      [&](int first, const int(&sum)[8]) { write_numbers(sum, w.free_frames, first, w.frame_slot); });
+  pairs = sum_lanes<warp_size>(pairs), moving = sum_lanes<warp_size>(moving);
+  if (thread % warp_size == 0) pairs_of_warp[thread / warp_size] = pairs, moving_of_warp[thread / warp_size] = moving;
+  __syncthreads();
+  if (thread != 0) return;
+  for (int i = 1; i < threads / warp_size; ++i) pairs += pairs_of_warp[i], moving += moving_of_warp[i];
+  const int slots = static_cast<int>(both >> 32), couplings = static_cast<int>(both);
+  w.landmark_slot[w.landmarks] = slots, w.coupling_of[w.landmarks] = couplings;
+  w.frame_slot[w.free_frames] = slots_of_frames, w.slot_coupling[slots] = couplings;
+  structure_sizes& sizes = w.report->sizes;
+  sizes.rows = w.rows, sizes.couplings = couplings, sizes.slots = slots, sizes.pairs = pairs, sizes.moving = moving;
+  sizes.free_chunks = w.frame_partial[w.free_frames];
 }
 
 }  // namespace detail
 
-/// One block: where the rows of each landmark and the chunks of each bin begin.
+/// A thread per row of the input: counts it. The last block goes on alone.
 template <class Tuning>
-__global__ void __launch_bounds__(Tuning::scan_threads) begin_rows_kernel(observation_work w) {
-  detail::scan_by_block<Tuning::scan_threads>(
-      w.landmarks, [&](int l) { return w.row_count[l]; }, [&](int l, int sum) { w.landmark_row[l] = sum; });
-  const int chunks = detail::scan_by_block<Tuning::scan_threads>(
-      w.frames * w.kinds, [&](int b) { return (w.bin_rows[b] + observation_padding - 1) / observation_padding; },
-      [&](int b, int sum) {
-        w.bin_chunk[b] = sum;
-        if (b % w.kinds == 0 && b / w.kinds <= w.free_frames) w.frame_partial[b / w.kinds] = sum;
-      });
-  if (threadIdx.x == 0) w.report->sizes.chunks = chunks;
+__global__ void __launch_bounds__(Tuning::scan_threads, 1) count_rows_kernel(observation_work w) {
+  const int i = static_cast<int>(blockIdx.x) * Tuning::scan_threads + static_cast<int>(threadIdx.x);
+  if (i < w.rows) {
+    w.place[i] = atomicAdd(w.row_count + w.landmark[i], 1);
+    atomicAdd(w.bin_rows + w.key_of_frame[w.frame[i]] * w.kinds + w.kind[i], 1);
+  }
+  if (is_last_block(w.arrived)) detail::begin_rows<Tuning>(w);
 }
 
-/// A warp per landmark: its rows in their order, and how many slots and couplings they make.
+/// A thread per row of the input: puts it beside those of its landmark.
 template <class Tuning>
-__global__ void __launch_bounds__(Tuning::threads) sort_rows_kernel(observation_work w) {
-  const int l = (static_cast<int>(blockIdx.x) * Tuning::threads + static_cast<int>(threadIdx.x)) / warp_size;
-  const int lane = static_cast<int>(threadIdx.x) % warp_size;
-  if (l >= w.landmarks) return;
+__global__ void __launch_bounds__(Tuning::threads) gather_rows_kernel(observation_work w) {
+  begin_early();
+  const int i = static_cast<int>(blockIdx.x) * Tuning::threads + static_cast<int>(threadIdx.x);
+  if (i >= w.rows) return;
+  w.mixed[w.landmark_row[w.landmark[i]] + w.place[i]] =
+      static_cast<std::uint64_t>(w.key_of_frame[w.frame[i]]) << 32 | static_cast<unsigned>(i);
+}
+
+namespace detail {
+
+/// The lanes of a warp: the rows of a landmark in their order, and how many slots and couplings they make.
+template <class Tuning>
+__device__ inline void sort_rows(const observation_work& w, int l, int lane) {
   const int begin = w.landmark_row[l], count = w.landmark_row[l + 1] - begin;
   if (count > Tuning::most_rows) {
     if (lane == 0) w.report->too_long = 1, w.slot_count[l] = w.free_count[l] = 0;
@@ -124,43 +190,27 @@ __global__ void __launch_bounds__(Tuning::threads) sort_rows_kernel(observation_
     if (first) atomicAdd(w.frame_count + key, 1);
   }
   slots = sum_lanes<warp_size>(slots), couplings = sum_lanes<warp_size>(couplings);
-  if (lane == 0) w.slot_count[l] = slots, w.free_count[l] = couplings;
+  if (lane != 0) return;
+  w.slot_count[l] = slots + (count > 0 && (w.fixed == nullptr || w.fixed[l] == 0) ? w.moves : 0);
+  w.free_count[l] = couplings;
 }
 
-/// One block: where the slots and couplings of each landmark and the slots of each frame begin, and the sizes of all.
+}  // namespace detail
+
+/// A warp per landmark: its rows in their order. The last block goes on alone.
 template <class Tuning>
-__global__ void __launch_bounds__(Tuning::scan_threads) begin_slots_kernel(observation_work w) {
-  constexpr int threads = Tuning::scan_threads;
-  __shared__ std::int64_t pairs_of_warp[threads / warp_size];
-  __shared__ int moving_of_warp[threads / warp_size];
-  const int thread = static_cast<int>(threadIdx.x);
-  const int slots = detail::scan_by_block<threads>(
-      w.landmarks, [&](int l) { return w.slot_count[l]; }, [&](int l, int sum) { w.landmark_slot[l] = sum; });
-  const int couplings = detail::scan_by_block<threads>(
-      w.landmarks, [&](int l) { return w.free_count[l]; }, [&](int l, int sum) { w.coupling_of[l] = sum; });
-  detail::scan_by_block<threads>(
-      w.free_frames, [&](int f) { return w.frame_count[f]; }, [&](int f, int sum) { w.frame_slot[f] = sum; });
-  std::int64_t pairs = 0;
-  int moving = 0;
-  for (int l = thread; l < w.landmarks; l += threads) {
-    const std::int64_t n = w.slot_count[l];
-    pairs += n * (n - 1) / 2;
-    moving += w.row_count[l] > 0 && (w.fixed == nullptr || w.fixed[l] == 0) ? 1 : 0;
-  }
-  pairs = sum_lanes<warp_size>(pairs), moving = sum_lanes<warp_size>(moving);
-  if (thread % warp_size == 0) pairs_of_warp[thread / warp_size] = pairs, moving_of_warp[thread / warp_size] = moving;
-  __syncthreads();
-  if (thread != 0) return;
-  for (int i = 1; i < threads / warp_size; ++i) pairs += pairs_of_warp[i], moving += moving_of_warp[i];
-  w.slot_coupling[slots] = couplings;
-  structure_sizes& sizes = w.report->sizes;
-  sizes.rows = w.rows, sizes.couplings = couplings, sizes.slots = slots, sizes.pairs = pairs, sizes.moving = moving;
-  sizes.free_chunks = w.frame_partial[w.free_frames];
+__global__ void __launch_bounds__(Tuning::scan_threads) sort_rows_kernel(observation_work w) {
+  begin_early();
+  constexpr int warps = Tuning::scan_threads / warp_size;
+  const int l = static_cast<int>(blockIdx.x) * warps + static_cast<int>(threadIdx.x) / warp_size;
+  if (l < w.landmarks) detail::sort_rows<Tuning>(w, l, static_cast<int>(threadIdx.x) % warp_size);
+  if (is_last_block(w.arrived + 1)) detail::begin_slots<Tuning>(w);
 }
 
 /// A warp per landmark: its slots, and the couplings of its rows.
 template <class Tuning>
 __global__ void __launch_bounds__(Tuning::threads) list_slots_kernel(observation_work w) {
+  begin_early();
   const int l = (static_cast<int>(blockIdx.x) * Tuning::threads + static_cast<int>(threadIdx.x)) / warp_size;
   const int lane = static_cast<int>(threadIdx.x) % warp_size;
   if (l >= w.landmarks || w.report->too_long != 0) return;
@@ -186,9 +236,10 @@ __global__ void __launch_bounds__(Tuning::threads) list_slots_kernel(observation
 namespace detail {
 
 /// Calls take(number of the item, place) for the items of a list that are of one bin, in their order, by one block.
+/// \param bin_of  [item] not negative; aligned for int4
 template <int Threads, class Take>
 __device__ inline void keep_bin(const std::int32_t* bin_of, int n, int bin, Take take) {
-  constexpr int warps = Threads / warp_size, each = 8;
+  constexpr int warps = Threads / warp_size, each = 16;
   __shared__ int of_warp[2][warps];
   const int thread = static_cast<int>(threadIdx.x), lane = thread % warp_size, warp = thread / warp_size;
   int before_all = 0, turn = 0;
@@ -196,8 +247,18 @@ __device__ inline void keep_bin(const std::int32_t* bin_of, int n, int bin, Take
     const int first = base + thread * each;
     unsigned mine = 0;
 #pragma unroll
-    for (int k = 0; k < each; ++k)
-      if (first + k < n && bin_of[first + k] == bin) mine |= 1U << k;
+    for (int k = 0; k < each; k += 4) {
+      int4 four{-1, -1, -1, -1};
+      if (first + k + 4 <= n) {
+        four = *reinterpret_cast<const int4*>(bin_of + first + k);
+      } else {
+        if (first + k < n) four.x = bin_of[first + k];
+        if (first + k + 1 < n) four.y = bin_of[first + k + 1];
+        if (first + k + 2 < n) four.z = bin_of[first + k + 2];
+      }
+      mine |= (four.x == bin ? 1U : 0U) << k | (four.y == bin ? 2U : 0U) << k;
+      mine |= (four.z == bin ? 4U : 0U) << k | (four.w == bin ? 8U : 0U) << k;
+    }
     const int own = __popc(mine);
     int before = sum_up_to_lane(own);
     if (lane == warp_size - 1) of_warp[turn][warp] = before;
@@ -217,8 +278,9 @@ __device__ inline void keep_bin(const std::int32_t* bin_of, int n, int bin, Take
 
 /// A block per bin: its entries and chunks. Then one per free frame: its slots.
 template <class Tuning>
-__global__ void __launch_bounds__(Tuning::bin_threads) list_entries_kernel(observation_work w) {
+__global__ void __launch_bounds__(Tuning::bin_threads, 1) list_entries_kernel(observation_work w) {
   constexpr int threads = Tuning::bin_threads, padding = observation_padding;
+  begin_early();
   if (w.report->too_long != 0) return;
   const int thread = static_cast<int>(threadIdx.x), bins = w.frames * w.kinds;
   if (static_cast<int>(blockIdx.x) >= bins) {
@@ -257,17 +319,27 @@ bool can_order_observations(const thrust::cuda_cub::execution_policy<Derived>&, 
 }
 
 template <class Derived, class Arena>
-void launch_order_observations(const thrust::cuda_cub::execution_policy<Derived>& policy, Arena& scratch,
-                               const observation_input& in, const observation_lists& to, observation_report* report) {
+observation_report* launch_order_observations(const thrust::cuda_cub::execution_policy<Derived>& policy, Arena& scratch,
+                                              const observation_input& in, const observation_lists& to) {
   using tuning = order_observations_tuning;
   const auto at = [](int i) { return static_cast<std::size_t>(i); };
-  observation_work w{in, to, report, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}};
-  const std::size_t counts = at(in.bins()) + at(in.landmarks) + at(in.free_frames);
-  w.bin_rows = scratch.template take<std::int32_t>(counts);
-  w.row_count = w.bin_rows + in.bins(), w.frame_count = w.row_count + in.landmarks;
+  observation_work w{in, to, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}};
+  // What is counted, cleared at once with the report. Each list may be read some numbers beyond its end.
+  const auto whole = [&](int n) { return align_up(at(n) * sizeof(std::int32_t)); };
+  const std::size_t zeros = align_up(sizeof(observation_report)) + 3 * whole(in.landmarks) + whole(in.bins()) +
+                            whole(in.free_frames) + 2 * sizeof(unsigned);
+  auto* const cleared = scratch.template take<std::byte>(zeros);
+  std::byte* next = cleared + align_up(sizeof(observation_report));
+  const auto list = [&](int n) {
+    auto* const begin = reinterpret_cast<std::int32_t*>(next);
+    next += whole(n);
+    return begin;
+  };
+  w.report = reinterpret_cast<observation_report*>(cleared);
+  w.row_count = list(in.landmarks), w.slot_count = list(in.landmarks), w.free_count = list(in.landmarks);
+  w.bin_rows = list(in.bins()), w.frame_count = list(in.free_frames);
+  w.arrived = reinterpret_cast<unsigned*>(next);
   w.bin_chunk = scratch.template take<std::int32_t>(at(in.bins()) + 1);
-  w.slot_count = scratch.template take<std::int32_t>(at(in.landmarks));
-  w.free_count = scratch.template take<std::int32_t>(at(in.landmarks));
   w.coupling_of = scratch.template take<std::int32_t>(at(in.landmarks) + 1);
   w.place = scratch.template take<std::int32_t>(at(in.rows));
   w.mixed = scratch.template take<std::uint64_t>(at(in.rows));
@@ -275,18 +347,20 @@ void launch_order_observations(const thrust::cuda_cub::execution_policy<Derived>
   w.row_bin = scratch.template take<std::int32_t>(at(in.rows));
   w.row_coupling = scratch.template take<std::int32_t>(at(in.rows));
 
-  fill_bytes(policy, report, 0, sizeof *report);
-  fill_bytes(policy, w.bin_rows, 0, counts * sizeof(std::int32_t));
-  for_each_index(policy, in.rows, count_rows{w});
-  launch_kernel(policy, "launch of begin_rows", begin_rows_kernel<tuning>, 1, tuning::scan_threads, w);
-  for_each_index(policy, in.rows, gather_rows{w});
-  constexpr int warps = tuning::threads / warp_size;
-  const int grid = (in.landmarks + warps - 1) / warps;
-  launch_kernel(policy, "launch of sort_rows", sort_rows_kernel<tuning>, grid, tuning::threads, w);
-  launch_kernel(policy, "launch of begin_slots", begin_slots_kernel<tuning>, 1, tuning::scan_threads, w);
-  launch_kernel(policy, "launch of list_slots", list_slots_kernel<tuning>, grid, tuning::threads, w);
-  launch_kernel(policy, "launch of list_entries", list_entries_kernel<tuning>, in.bins() + in.free_frames,
-                tuning::bin_threads, w);
+  fill_bytes(policy, cleared, 0, zeros);
+  const auto blocks = [](int n, int each) { return (n + each - 1) / each; };
+  constexpr int landmarks = tuning::threads / warp_size, more_landmarks = tuning::scan_threads / warp_size;
+  launch_kernel(policy, "launch of count_rows", count_rows_kernel<tuning>, blocks(in.rows, tuning::scan_threads),
+                tuning::scan_threads, w);
+  launch_early(policy, "launch of gather_rows", 0, gather_rows_kernel<tuning>, blocks(in.rows, tuning::threads),
+               tuning::threads, w);
+  launch_early(policy, "launch of sort_rows", 0, sort_rows_kernel<tuning>, blocks(in.landmarks, more_landmarks),
+               tuning::scan_threads, w);
+  launch_early(policy, "launch of list_slots", 0, list_slots_kernel<tuning>, blocks(in.landmarks, landmarks),
+               tuning::threads, w);
+  launch_early(policy, "launch of list_entries", 0, list_entries_kernel<tuning>, in.bins() + in.free_frames,
+               tuning::bin_threads, w);
+  return w.report;
 }
 
 TURBOMAP_END_NAMESPACE

@@ -76,11 +76,11 @@ struct list_blocks_tuning {
 };
 
 /// launch_order_observations: a warp per landmark compares each two of its rows, up to `most_rows`; a block per frame and kind
-/// goes through all rows, at most `most_looks` in all: a millisecond or so. One block scans.
+/// goes through all rows, at most `most_looks` in all: a millisecond or so. The last block of two of the kernels scans.
 struct order_observations_tuning {
   static constexpr int threads = 128;                                ///< of a block of landmarks
-  static constexpr int bin_threads = 512;                            ///< of the block of a frame and kind
-  static constexpr int scan_threads = 1024;                          ///< of the block that scans
+  static constexpr int bin_threads = 1024;                           ///< of the block of a frame and kind
+  static constexpr int scan_threads = 1024;                          ///< of a block of which one scans
   static constexpr int most_rows = 4096;                             ///< of a landmark
   static constexpr std::int64_t most_looks = std::int64_t{1} << 29;  ///< at rows, in all
 };
