@@ -8,6 +8,7 @@
 
 #include <turbomap/map/validate.hpp>
 #include <turbomap/mapping/creation_commit.hpp>
+#include <turbomap/matching/first_claims.hpp>
 
 #include <algorithm>
 #include <array>

@@ -108,7 +108,26 @@ TEST_CASE("a keypoint is given to one point only, the first that asks") {
   CHECK((first[1].neighbour == 1 && first[1].query == 0 && first[1].candidate == 2));
   CHECK((first[2].neighbour == 1 && first[2].query == 3 && first[2].candidate == 0));
   CHECK_THROWS_AS(turbomap::first_claims({point(0, 4, 0)}, 4, {3}), std::out_of_range);
+  CHECK_THROWS_AS(turbomap::first_claims({point(1, 0, 0)}, 4, {3}), std::out_of_range);
+  CHECK_THROWS_AS(turbomap::first_claims({point(-1, 0, 0)}, 4, {3}), std::out_of_range);
+  CHECK_THROWS_AS(turbomap::first_claims({point(0, 0, 3)}, 4, {3, 3}), std::out_of_range);  // the next one has a fourth
   CHECK(turbomap::first_claims({}, 0, {}).empty());
+}
+
+TEST_CASE("memory of claims that is kept forgets them") {
+  const turbomap::created_point first{0, 2, 1, creation_outcome::accepted, turbomap::creation_method::none, {}};
+  const turbomap::created_point second{0, 0, 1, creation_outcome::accepted, turbomap::creation_method::none, {}};
+  turbomap::claimed_keypoints claimed;
+  std::vector<turbomap::created_point> result;
+  for (const int query_keypoints : {3, 4, 3}) {  // keypoints of the neighbour are elsewhere each time
+    claimed.clear();
+    claimed.add_keyframe(query_keypoints), claimed.add_keyframe(2);
+    turbomap::first_claims(std::vector{first, second}, claimed, result);
+    REQUIRE(result.size() == 1);
+    CHECK(result[0].query == 2);
+  }
+  turbomap::first_claims(std::vector{second}, claimed, result);  // not cleared: the keypoint is taken
+  CHECK(result.empty());
 }
 
 TEST_CASE("nothing found, nothing created") {

@@ -13,6 +13,7 @@
 #include "../appearance/update_appearance.hpp"
 #include "../config.hpp"
 #include "../map/map_traits.hpp"
+#include "../matching/first_claims.hpp"
 #include "../matching/point_creation.hpp"
 #include "../matching/track_creation.hpp"
 #include "../plain_sort.hpp"
@@ -98,19 +99,11 @@ class map_point_creation {
     create_points(ctx, search.matches(), options, pairs_);
     pairs_.plan(ctx, search.matches(), plan_);
     matches_ = plan_.size();
-    taken_.clear(), taken_begin_.clear();
-    for (const auto& k : search.posed()) {
-      taken_begin_.push_back(taken_.size());
-      taken_.resize(taken_.size() + static_cast<std::size_t>(k.view.keypoint_count));
-    }
-    const auto taken = [&](const point_observation& o) -> std::uint8_t& {
-      return taken_[taken_begin_[static_cast<std::size_t>(o.keyframe)] + static_cast<std::size_t>(o.keypoint)];
-    };
-    for (const created_point& p : plan_) {
-      if (p.outcome != creation_outcome::accepted) continue;
+    claimed_.clear();
+    for (const auto& k : search.posed()) claimed_.add_keyframe(k.view.keypoint_count);
+    first_claims(plan_, claimed_, first_);  // none but these can enter the map: the others need no appearance
+    for (const created_point& p : first_) {
       const point_observation pair[]{{0, p.query}, {1 + p.neighbour, p.candidate}};
-      if (taken(pair[0]) != 0 || taken(pair[1]) != 0) continue;  // as first_claims(), in memory that is kept
-      taken(pair[0]) = taken(pair[1]) = 1;
       accept(p.position, {pair, 2});
     }
   }
@@ -161,11 +154,10 @@ class map_point_creation {
   match_tracks<descriptor, camera, Policy> tracks_;
   track_creation<Policy> track_points_;
   appearances<descriptor, camera, Policy> appearances_;
-  plain_vector<created_point> plan_;
+  plain_vector<created_point> plan_, first_;
   plain_vector<created_track> points_;
   plain_vector<std::uint8_t> kept_;
-  plain_vector<std::uint8_t> taken_;  // by an earlier pair: keypoints of all keyframes, one keyframe after the other
-  plain_vector<std::size_t> taken_begin_;  // of each keyframe
+  claimed_keypoints claimed_;
   plain_vector<point_observation> views_;
   std::size_t matches_ = 0;
   creation_summary summary_;

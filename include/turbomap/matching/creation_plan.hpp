@@ -3,11 +3,10 @@
 #pragma once
 
 /// \file
-/// What map point creation takes and gives, as plain data: options, reasons, the plan, and who wins a keypoint.
+/// What map point creation takes and gives, as plain data: options, reasons, the plan.
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "../span.hpp"
 #include "../types.hpp"
@@ -105,28 +104,5 @@ struct creation_summary {
   std::size_t known = 0;           ///< tracks of landmarks that have a point already
   std::size_t views_left_out = 0;  ///< of accepted tracks: they did not fit
 };
-
-/// The accepted points in (neighbour, query keypoint) order, as a map inserts them: a keypoint that an earlier point of the
-/// plan was given to gets no second one, in the query and in every neighbour. O(points).
-/// \param plan               all outcomes in (neighbour, query keypoint) order
-/// \param query_keypoints    keypoints of the query
-/// \param neighbour_keypoints keypoints of each neighbour
-template <class List = std::vector<created_point>>
-List first_claims(const List& plan, int query_keypoints, const std::vector<int>& neighbour_keypoints) {
-  std::vector<bool> query_taken(static_cast<std::size_t>(query_keypoints));
-  std::vector<std::vector<bool>> taken(neighbour_keypoints.size());
-  for (std::size_t n = 0; n < taken.size(); ++n) taken[n].resize(static_cast<std::size_t>(neighbour_keypoints[n]));
-  List result;
-  for (const created_point& p : plan) {
-    if (p.outcome != creation_outcome::accepted) continue;
-    auto query = query_taken.at(static_cast<std::size_t>(p.query));
-    auto neighbour = taken.at(static_cast<std::size_t>(p.neighbour)).at(static_cast<std::size_t>(p.candidate));
-    if (query || neighbour) continue;
-    query = true;
-    neighbour = true;
-    result.push_back(p);
-  }
-  return result;
-}
 
 }  // namespace turbomap

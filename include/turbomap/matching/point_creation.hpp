@@ -21,6 +21,7 @@
 #include "create_point.hpp"
 #include "creation_check.hpp"
 #include "creation_plan.hpp"
+#include "first_claims.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
