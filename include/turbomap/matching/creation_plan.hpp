@@ -14,7 +14,7 @@
 namespace turbomap {
 
 /// Why a match did or did not become a map point candidate, in the order of the tests.
-enum class creation_outcome : std::uint8_t {
+enum class creation_outcome : std::uint16_t {  // 16 bits: results have no bytes that nobody writes
   accepted = 0,
   low_parallax = 1,            ///< rays too close to parallel, and no stereo depth to fall back on
   at_infinity = 2,             ///< the triangulated point has no finite position; tracks: or no finite covariance
@@ -31,7 +31,7 @@ enum class creation_outcome : std::uint8_t {
 };
 
 /// Where the position of a point came from.
-enum class creation_method : std::int8_t { none = -1, triangulated = 0, stereo_query = 1, stereo_neighbour = 2 };
+enum class creation_method : std::int16_t { none = -1, triangulated = 0, stereo_query = 1, stereo_neighbour = 2 };
 
 /// What points are made from.
 enum class creation_rule : std::uint8_t {
@@ -79,6 +79,9 @@ struct created_point {
   creation_method method;    ///< where the position comes from
   vec3<double> position;     ///< world, m; meaningful once a method is named
 };
+static_assert(sizeof(created_point) ==
+                  3 * sizeof(std::int32_t) + sizeof(creation_outcome) + sizeof(creation_method) + sizeof(vec3<double>),
+              "no padding: a memory checker would find it in the copy from a device");
 
 /// Which points of the map the keypoints of a search see, on the host: for known landmarks.
 struct known_points {
@@ -96,6 +99,9 @@ struct created_track {
   vec3<double> position;        ///< world, m; meaningful where accepted
   point_covariance covariance;  ///< of the position; meaningful where accepted
 };
+static_assert(sizeof(created_track) == sizeof(creation_outcome) + sizeof(creation_method) + sizeof(std::int32_t) +
+                                           sizeof(vec3<double>) + sizeof(point_covariance),
+              "no padding: a memory checker would find it in the copy from a device");
 
 /// What one call made points of; all 0 where it made them of pairs.
 struct creation_summary {
