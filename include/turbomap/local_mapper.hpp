@@ -96,7 +96,7 @@ class local_mapper {
     require_idle("reset");
     stored_.clear();
     working_.reset();
-    probation_.clear(), due_.clear(), fusion_.clear(), points_.clear();
+    probation_.clear(), due_.clear(), fusion_.clear(), culling_.clear(), points_.clear();
     watched_.clear(), moved_.clear(), changed_.clear();
     progress_ = {}, report_ = {}, iteration_ = 0;
   }
@@ -416,7 +416,17 @@ class local_mapper {
     }
   }
 
+  /// Points that lost a view are due also where a later part throws.
   void cull(stage_keyframe current, const scope& s) {
+    try {
+      cull_covisible(current, s);
+    } catch (...) {
+      due_.changed(culling_.touched());
+      throw;
+    }
+    due_.changed(culling_.touched());
+  }
+  void cull_covisible(stage_keyframe current, const scope& s) {
     keyframe_culling_options options = options_.keyframe_culling;
     if constexpr (inertial) {
       const auto guard = s.guard();
@@ -436,7 +446,9 @@ class local_mapper {
             s, current, k, options,
             [this](const stage_keyframe& redundant) {
               if (hooks_.erasing) hooks_.erasing(working_.name(redundant));
-              if constexpr (inertial) stage_adjustment::erasing(working_.get(), redundant);
+            },
+            [this]([[maybe_unused]] const stage_keyframe& leaving) {
+              if constexpr (inertial) stage_adjustment::erasing(working_.get(), leaving);
             },
             [this](std::uint64_t id) {
               report_.keyframes_culled.push_back(id);
@@ -444,7 +456,6 @@ class local_mapper {
             });
       });
     }
-    due_.changed(culling_.touched());
   }
 
   // ---- appearances that are due ----

@@ -154,7 +154,8 @@ class interleaved_run {
     list();
     const std::size_t n = points_.size(), m = keyframes_.size();
     const point p = n == 0 ? point{} : points_[e.which % n];
-    const keyframe k = m == 0 ? keyframe{} : keyframes_[e.kind == edit_kind::observe ? e.which / n % m : e.which % m];
+    const bool of_both = e.kind == edit_kind::observe && n > 0;  // all points may be gone by now
+    const keyframe k = m == 0 ? keyframe{} : keyframes_[of_both ? e.which / n % m : e.which % m];
     switch (e.kind) {
       case edit_kind::erase_point:
         if (p == point{}) break;

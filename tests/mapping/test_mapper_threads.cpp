@@ -103,6 +103,7 @@ TEST_CASE("mapper, tracking and loop closing on one map") {
   auto c = stereo_case(noisy(3));
   c.options.fusion.commit.entries_per_guard = 8;
   c.options.adjustment.points_per_guard = 64;
+  c.options.points_read_per_guard = 64;  // so keyframes are culled in parts too
   c.options.adjustment.solve.max_iterations = 3;
   const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
   run_type run(scene, c.options, {}, sequential_policy(), [] {

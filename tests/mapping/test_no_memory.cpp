@@ -36,13 +36,16 @@ using adjusted_run = mapping_run<Map, sequential_policy, turbomap::local_adjustm
 TEST_CASE_TEMPLATE("every allocation of insert and process may fail", Map, flat, mirrored_flat) {
   auto c = case_of_failures();
   c.options.covariances = true;
-  c.options.checked_share = 1;  // of a mirror
+  c.options.checked_share = 1;          // of a mirror
+  c.options.points_read_per_guard = 8;  // keyframes are culled in parts
+  c.options.keyframe_culling.redundant_share = 0.5F, c.options.keyframe_culling.observers = 1;
   const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
   adjusted_run<Map> run(scene, c.options, {}, sequential_policy(), store_of_failures());
   const failures_met met = map_with_failures<no_memory_after>(run, scene, 14);
   CHECK(met.inserting > 10);
   CHECK(met.processing > 100);
   CHECK(met.adjusted > 8);
+  CHECK(run.map.keyframe_count() < 12);  // culled
 }
 
 }  // namespace

@@ -300,22 +300,34 @@ bool merge_points(Map& map, typename map_traits<Map>::point from, typename map_t
   return true;
 }
 
-/// Takes a keyframe out of the map: all its observations are removed, and points with `fewest` measurements or less are
-/// erased; each is announced while the keyframe is still alive, with its other points. The points that live on and lost a view are appended to `touched`: null, or a pointer to a list.
+/// fade() of the keypoints [begin, end) of a keyframe that see a point: a part of erase_keyframe(), for who lets others have the map
+/// in between. It then is sound, and the keyframe sees fewer points. Points that live on and lost a view are appended to `touched`
+/// (null, or a pointer to a list): of all keypoints together once, of a part with each view, as the other parts may never follow.
 template <class Map, class Touched = std::nullptr_t>
-void erase_keyframe(Map& map, typename map_traits<Map>::keyframe keyframe, int fewest = 2, Touched touched = nullptr) {
+void fade_keypoints(Map& map, typename map_traits<Map>::keyframe keyframe, std::size_t begin, std::size_t end,
+                    int fewest = 2, [[maybe_unused]] Touched touched = nullptr) {
   using traits = map_traits<Map>;
-  const std::size_t count = keypoint_count_of(map, keyframe);
-  for (std::size_t i = 0; i < count; ++i) {
+  [[maybe_unused]] const bool all = begin == 0 && end == keypoint_count_of(map, keyframe);
+  for (std::size_t i = begin; i < end; ++i) {
     const auto point = traits::point_at(map, keyframe, i);
     if (point == typename traits::point{}) continue;
     const detail::view_counts views = detail::count_views(map, point, keyframe, i);
-    const bool gone = detail::fade(map, point, keyframe, i, views, fewest);
-    const bool seen_yet = views.own > (views.listed ? 1 : 0);  // by another camera of the rig
     if constexpr (!std::is_null_pointer_v<Touched>)
-      if (touched != nullptr && !gone && !seen_yet) touched->push_back(point);
+      if (touched != nullptr) touched->push_back(point);  // first: what throws below loses none
+    const bool gone = detail::fade(map, point, keyframe, i, views, fewest);
+    [[maybe_unused]] const bool seen_yet = views.own > (views.listed ? 1 : 0);  // by another camera of the rig
+    if constexpr (!std::is_null_pointer_v<Touched>)
+      if (touched != nullptr && (gone || (all && seen_yet))) touched->pop_back();
   }
-  traits::erase_keyframe(map, keyframe);
+}
+
+/// Takes a keyframe out of the map: all its observations are removed, and points with `fewest` measurements or less are
+/// erased; each is announced while the keyframe is still alive, with its other points. The points that live on and lost a view are
+/// appended to `touched`: null, or a pointer to a list.
+template <class Map, class Touched = std::nullptr_t>
+void erase_keyframe(Map& map, typename map_traits<Map>::keyframe keyframe, int fewest = 2, Touched touched = nullptr) {
+  fade_keypoints(map, keyframe, 0, keypoint_count_of(map, keyframe), fewest, touched);
+  map_traits<Map>::erase_keyframe(map, keyframe);
 }
 
 TURBOMAP_END_NAMESPACE

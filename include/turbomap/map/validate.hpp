@@ -163,14 +163,17 @@ bool require_consistent_keyframe(const Map& map, typename map_traits<Map>::keyfr
 /// the removal reads or writes is sound. That is all of a point that is left with `fewest` views or fewer, so may be erased; of one
 /// that lives on, the keyframe's own views, that all observers are alive and have the keypoints. By default throws
 /// inconsistent_map. O(views of its points).
+/// \param begin,end  of the keypoints of a part of the removal: fade_keypoints()
 template <class Map>
-bool require_removable(const Map& map, typename map_traits<Map>::keyframe keyframe, int fewest,
-                       fault_sink faults = {}) {
+bool require_removable(const Map& map, typename map_traits<Map>::keyframe keyframe, int fewest, fault_sink faults,
+                       std::size_t begin, std::size_t end) {
   using traits = map_traits<Map>;
   const std::size_t keypoints = keypoint_count_of(map, keyframe);
   bool sound = true;
-  for_each_slot_ahead<point_data::entry + point_data::views>(map, keyframe, [&](std::size_t slot, const auto& point) {
+  const auto at = [&](std::size_t n) { return traits::point_at(map, keyframe, begin + n); };
+  for_each_ahead<point_data::entry + point_data::views>(map, end - begin, at, [&](std::size_t n, const auto& point) {
     if (point == typename traits::point{}) return;
+    const std::size_t slot = begin + n;
     const auto is_sound_own = [&](std::size_t i) {
       if (i >= keypoints || !(traits::point_at(map, keyframe, i) == point)) return false;
       if constexpr (detail::users_counts_v<Map>)
@@ -195,6 +198,12 @@ bool require_removable(const Map& map, typename map_traits<Map>::keyframe keyfra
       sound = require_consistent(map, point, faults) && sound;
   });
   return sound;
+}
+/// The same of all its keypoints.
+template <class Map>
+bool require_removable(const Map& map, typename map_traits<Map>::keyframe keyframe, int fewest,
+                       fault_sink faults = {}) {
+  return require_removable(map, keyframe, fewest, faults, 0, keypoint_count_of(map, keyframe));
 }
 
 TURBOMAP_END_NAMESPACE

@@ -20,6 +20,7 @@
 #include "../map/validate.hpp"
 #include "../math/strict.hpp"
 #include "../span.hpp"
+#include "erasure_in_parts.hpp"
 #include "look_again.hpp"
 #include "redundancy_counter.hpp"
 #include "stage.hpp"
@@ -98,10 +99,88 @@ struct ignore_keyframe {
   void operator()(const Keyframe&) const {}
 };
 
+namespace detail {
+
+/// Whether others keep a keyframe, or it is gone already.
+template <class Map>
+bool is_protected(const Map& map, const typename map_traits<Map>::keyframe& keyframe,
+                  const typename map_traits<Map>::keyframe& current) {
+  using traits = map_traits<Map>;
+  if (!traits::alive(map, keyframe) || keyframe == current) return true;
+  if constexpr (map_has_v<Map, map_may_erase_member>) return !traits::may_erase(map, keyframe);
+  return false;
+}
+/// Whether time keeps a keyframe, where the options ask. \param state  of now
+template <class Map>
+bool is_kept_by_time([[maybe_unused]] const Map& map,
+                     [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe,
+                     [[maybe_unused]] const temporal_state<Map>& state,
+                     [[maybe_unused]] const keyframe_culling_options& options) {
+  if constexpr (map_has_v<Map, map_temporal_member>)
+    return options.temporal_guards && leaves_gap(map, keyframe, state, options);
+  else
+    return false;
+}
+/// Where the current keyframe stands in time, if the options ask.
+template <class Map>
+temporal_state<Map> time_of([[maybe_unused]] const Map& map,
+                            [[maybe_unused]] const typename map_traits<Map>::keyframe& current,
+                            const keyframe_culling_options& options) {
+  if constexpr (map_has_v<Map, map_temporal_member>)
+    if (options.temporal_guards) return temporal_state<Map>::of(map, current, options);
+  return {};
+}
+template <class Map>
+void check_culling(const keyframe_culling_options& options) {
+  static_assert(require_map_traits<Map>());
+  check(options);
+  require(!options.temporal_guards || map_has_v<Map, map_temporal_member>, "options.temporal_guards",
+          options.temporal_guards, "needs map_traits with time, previous and next");
+}
+
+}  // namespace detail
+
+/// Looks at one keyframe as cull_keyframes() does, and changes nothing: the verdict `erased` says that it is to be.
+/// \param state  of the current keyframe, where options.temporal_guards asks
+template <class Map>
+culling_record<typename map_traits<Map>::keyframe> judge_keyframe(const Map& map,
+                                                                  const typename map_traits<Map>::keyframe& current,
+                                                                  const typename map_traits<Map>::keyframe& keyframe,
+                                                                  const keyframe_culling_options& options,
+                                                                  const temporal_state<Map>& state, fault_sink faults,
+                                                                  redundancy_counter<Map>& counter) {
+  using traits = map_traits<Map>;
+  look_again(map, keyframe);
+  if (detail::is_protected(map, keyframe, current))
+    return {keyframe, traits::alive(map, keyframe) ? traits::id(map, keyframe) : 0, {}, culling_verdict::protected_};
+  const std::uint64_t id = traits::id(map, keyframe);
+  // Counting without kept counts looks at the views.
+  if constexpr (!counts_octaves_v<Map>)
+    if (!require_consistent_keyframe(map, keyframe, faults)) return {keyframe, id, {}, culling_verdict::protected_};
+  redundancy count = counter(map, keyframe, options);
+  bool erase = is_redundant(count, options);
+  const auto look_up_again = [&] {
+    counter.forget(map, keyframe);
+    count = counter(map, keyframe, options);
+    erase = erase && is_redundant(count, options);
+  };
+  if (redundancy_counter<Map>::keeps && erase) look_up_again();
+  erase = erase && !detail::is_kept_by_time(map, keyframe, state, options);
+  if (is_copy_v<Map> && erase && look_at_all(map, keyframe, options.fewest_measurements)) {
+    look_up_again();
+    erase = erase && traits::alive(map, keyframe);
+  }
+  if constexpr (counts_octaves_v<Map>)
+    erase = erase && require_removable(map, keyframe, options.fewest_measurements, faults);
+  if (erase) counter.forget(map, keyframe);
+  return {keyframe, id, count, erase ? culling_verdict::erased : culling_verdict::needed};
+}
+
 /// Looks at each candidate in the given order (covisibility, most shared points first) and takes out those that are
 /// redundant, at once: the next ones are counted without them. A keyframe is checked before it is changed: slots and
 /// observations that contradict each other are refused (inconsistent_map) with the keyframe, and all after it, as they were.
-/// The caller holds the guard of the map, or holds it for one candidate at a time by calling with one.
+/// The caller holds the guard of the map, or holds it for one candidate at a time by calling with one. keyframe_culling also lets
+/// others have it while a large keyframe is taken out.
 ///
 /// Inertial systems: bridge_motion() in `erasing`, or erase_keyframe() of the traits, merges the preintegration of the removed
 /// keyframe into its successor's.
@@ -119,60 +198,17 @@ void cull_keyframes(Map& map, typename map_traits<Map>::keyframe current,
                     span<const typename map_traits<Map>::keyframe> candidates, const keyframe_culling_options& options,
                     Records& records, Touched touched, const Erasing& erasing, fault_sink faults,
                     redundancy_counter<Map>& counter) {
-  using traits = map_traits<Map>;
-  static_assert(require_map_traits<Map>());
-  check(options);
+  detail::check_culling<Map>(options);
   records.reserve(records.size() + candidates.size());
-  constexpr bool has_time = detail::map_has_v<Map, detail::map_temporal_member>;
-  require(!options.temporal_guards || has_time, "options.temporal_guards", options.temporal_guards,
-          "needs map_traits with time, previous and next");
-  [[maybe_unused]] temporal_state<Map> state;
-  if constexpr (has_time)
-    if (options.temporal_guards) state = temporal_state<Map>::of(map, current, options);
+  temporal_state<Map> state = detail::time_of(map, current, options);
   for (const auto& keyframe : candidates) {
-    look_again(map, keyframe);
-    bool protect = !traits::alive(map, keyframe) || keyframe == current;
-    if constexpr (detail::map_has_v<Map, detail::map_may_erase_member>)
-      protect = protect || !traits::may_erase(map, keyframe);
-    if (protect) {
-      records.push_back(
-          {keyframe, traits::alive(map, keyframe) ? traits::id(map, keyframe) : 0, {}, culling_verdict::protected_});
-      continue;
-    }
-    const std::uint64_t id = traits::id(map, keyframe);
-    // Counting without kept counts looks at the views.
-    bool sound = true;
-    if constexpr (!counts_octaves_v<Map>) sound = require_consistent_keyframe(map, keyframe, faults);
-    if (!sound) {
-      records.push_back({keyframe, id, {}, culling_verdict::protected_});
-      continue;
-    }
-    redundancy count = counter(map, keyframe, options);
-    bool erase = is_redundant(count, options);
-    const auto look_up_again = [&] {
-      counter.forget(map, keyframe);
-      count = counter(map, keyframe, options);
-      erase = erase && is_redundant(count, options);
-    };
-    if (redundancy_counter<Map>::keeps && erase) look_up_again();
-    if constexpr (has_time)
-      if (erase && options.temporal_guards) erase = !leaves_gap(map, keyframe, state, options);
-    if (is_copy_v<Map> && erase && look_at_all(map, keyframe, options.fewest_measurements)) {
-      look_up_again();
-      erase = erase && traits::alive(map, keyframe);
-    }
-    if constexpr (counts_octaves_v<Map>)
-      erase = erase && require_removable(map, keyframe, options.fewest_measurements, faults);
-    if (erase) {
-      if constexpr (!std::is_null_pointer_v<Touched>)
-        if (touched != nullptr) touched->reserve(touched->size() + keypoint_count_of(map, keyframe));
-      counter.forget(map, keyframe);
-      erasing(keyframe);
-      erase_keyframe(map, keyframe, options.fewest_measurements, touched);
-      if constexpr (has_time)
-        if (options.temporal_guards) state = temporal_state<Map>::of(map, current, options);
-    }
-    records.push_back({keyframe, id, count, erase ? culling_verdict::erased : culling_verdict::needed});
+    records.push_back(judge_keyframe(map, current, keyframe, options, state, faults, counter));
+    if (records.back().verdict != culling_verdict::erased) continue;
+    if constexpr (!std::is_null_pointer_v<Touched>)
+      if (touched != nullptr) touched->reserve(touched->size() + keypoint_count_of(map, keyframe));
+    erasing(keyframe);
+    erase_keyframe(map, keyframe, options.fewest_measurements, touched);
+    state = detail::time_of(map, current, options);
   }
 }
 
@@ -187,7 +223,8 @@ void cull_keyframes(Map& map, typename map_traits<Map>::keyframe current,
 
 /// The stage: keyframes that share points with the current one are looked at, those that share most first. It counts and
 /// decides under the guard, one keyframe per hold, because each removal changes the counts of the next: its snapshot is the
-/// list of candidates, and compute() a short sum inside commit().
+/// list of candidates, and compute() a short sum inside commit(). A keyframe of many points is decided on in one hold, and taken out
+/// in others.
 template <class Map, class Policy>
 class keyframe_culling {
  public:
@@ -199,7 +236,7 @@ class keyframe_culling {
   using scope = mapping_scope<Map, Policy>;
   /// @}
 
-  /// Chooses the candidates: covisible keyframes that are in the store.
+  /// Chooses the candidates: covisible keyframes that are in the store, behind one that an exception left half taken out.
   /// \param most  no more than so many, those that share most; 0: all
   const list_of<keyframe>& snapshot(const scope& s, keyframe current, const neighbourhood_options& options,
                                     int most = 0) {
@@ -208,32 +245,116 @@ class keyframe_culling {
     const auto in_store = [&](keyframe k) {
       return traits::alive(s.map, k) && s.stored.contains(traits::id(s.map, k));
     };
-    return candidates_ = neighbourhood_.covisible_keyframes(s.map, current, options, in_store,
-                                                            most > 0 ? static_cast<std::size_t>(most) : no_limit);
+    candidates_ = neighbourhood_.covisible_keyframes(s.map, current, options, in_store,
+                                                     most > 0 ? static_cast<std::size_t>(most) : no_limit);
+    if (!parts_.active()) return candidates_;
+    look_again(s.map, parts_.of());
+    if (!s.stored.contains(parts_.id()) || !traits::alive(s.map, parts_.of()))
+      parts_.end();
+    else if (!(parts_.of() == current))
+      put_first(parts_.of());
+    return candidates_;
   }
-  /// Takes one candidate out if it is redundant. \param erased  erased(id): its id is free, called under the guard
-  template <class Erasing, class Erased>
+  /// Takes one candidate out if it is redundant: in the hold in which that is found, or, if it sees more points than a quarter of
+  /// points_read_per_guard, in further ones, so many points in each. It is alive in between, sees fewer points, and others may do
+  /// to it what they like. It stays, with the points that it sees yet, once somebody keeps it (may_erase, or its neighbours in time),
+  /// erases it, or made it contradict itself. Whether it is redundant is not asked again: fewer points would say something else.
+  /// After another exception it is the first candidate of the next snapshot(), and goes on.
+  ///
+  /// All of these are called under the guard:
+  /// \param erasing  erasing(keyframe): it is redundant, and sees all its points yet (again, and fewer: after an exception)
+  /// \param leaving  leaving(keyframe): it sees none any more, and is erased now
+  /// \param erased   erased(id): its id is free
+  template <class Erasing, class Leaving, class Erased>
   void commit(const scope& s, keyframe current, keyframe candidate, const keyframe_culling_options& options,
-              const Erasing& erasing, const Erased& erased) {
-    const auto guard = s.guard();
-    if (!traits::alive(s.map, candidate)) return;
-    records_.clear();
-    counter_.remember_by(&s.stored);
-    cull_keyframes(s.map, current, span<const keyframe>(&candidate, 1), options, records_, &touched_, erasing, s.faults,
-                   counter_);
-    for (const auto& record : records_)
-      if (record.verdict == culling_verdict::erased) {
-        counter_.drop_keypoints(record.id);
-        erased(record.id);
-      }
+              const Erasing& erasing, const Leaving& leaving, const Erased& erased) {
+    detail::check_culling<Map>(options);
+    const bool again = parts_.is_of(candidate);
+    std::uint64_t id = parts_.id();
+    bool goes = false;
+    s.in_parts(
+        [&] {
+          goes = again ? !is_kept(s, current, candidate, options) : is_to_go(s, current, candidate, options, id);
+          if (!goes) return;
+          touched_.reserve(touched_.size() + keypoint_count_of(s.map, candidate));
+          erasing(candidate);
+        },
+        [&] { goes = !is_kept(s, current, candidate, options); },
+        [&](std::size_t most) {
+          const bool begun = parts_.is_of(candidate);
+          if (!goes) {
+            if (begun) parts_.end();
+            return false;
+          }
+          const std::size_t points = (most - 1) / 4 + 1;  // to take one away is as long as to read four
+          if (!begun) parts_.begin(candidate, id);
+          if (begun) {
+            const erasure_part part = parts_(s.map, points, options.fewest_measurements, touched_, s.faults);
+            if (part != erasure_part::last) return part == erasure_part::some;
+          } else if (sees_more_points(s.map, candidate, points)) {
+            return true;
+          } else {
+            fade_keypoints(s.map, candidate, 0, keypoint_count_of(s.map, candidate), options.fewest_measurements,
+                           &touched_);
+          }
+          leaving(candidate);
+          traits::erase_keyframe(s.map, candidate);
+          parts_.end();
+          counter_.drop_keypoints(id);
+          erased(id);
+          return false;
+        });
   }
-  /// Points that lost a view since snapshot() and live on: their appearance is due.
+  /// Nothing is known of the map any more: it starts anew.
+  void clear() {
+    parts_.end();
+    candidates_.clear(), touched_.clear();
+  }
+  /// Points that lost a view since snapshot(): the appearance of those that live on is due, also where commit() threw. Some are
+  /// named twice.
   const list_of<point>& touched() const { return touched_; }
 
  private:
+  /// Whether a candidate is redundant, and nobody keeps it. \param id  is set to its id
+  bool is_to_go(const scope& s, const keyframe& current, const keyframe& candidate,
+                const keyframe_culling_options& options, std::uint64_t& id) {
+    if (!traits::alive(s.map, candidate) || !has_time(s, current, options)) return false;
+    counter_.remember_by(&s.stored);
+    const auto record = judge_keyframe(s.map, current, candidate, options, detail::time_of(s.map, current, options),
+                                       s.faults, counter_);
+    id = record.id;
+    return record.verdict == culling_verdict::erased;
+  }
+  /// Whether one that was to go stays after all.
+  static bool is_kept(const scope& s, const keyframe& current, const keyframe& candidate,
+                      const keyframe_culling_options& options) {
+    look_again(s.map, candidate);
+    return detail::is_protected(s.map, candidate, current) || !has_time(s, current, options) ||
+           detail::is_kept_by_time(s.map, candidate, detail::time_of(s.map, current, options), options);
+  }
+  /// Where guards in time look back from a keyframe, it is there.
+  static bool has_time(const scope& s, const keyframe& current, const keyframe_culling_options& options) {
+    if (!options.temporal_guards) return true;
+    look_again(s.map, current);
+    return traits::alive(s.map, current);
+  }
+  void put_first(const keyframe& k) {
+    std::size_t at = 0;
+    while (at < candidates_.size() && !(candidates_[at] == k)) ++at;
+    if (at == candidates_.size()) candidates_.push_back(k);
+    for (; at > 0; --at) candidates_[at] = candidates_[at - 1];
+    candidates_[0] = k;
+  }
+  static bool sees_more_points(const Map& map, const keyframe& k, std::size_t points) {
+    std::size_t seen = 0;
+    for (std::size_t i = 0; i < keypoint_count_of(map, k); ++i)
+      seen += traits::point_at(map, k, i) == point{} ? std::size_t{0} : std::size_t{1};
+    return seen > points;
+  }
+
   neighbourhood<Map> neighbourhood_;
   list_of<keyframe> candidates_;
-  list_of<culling_record<keyframe>> records_;
+  erasure_in_parts<Map> parts_;
   list_of<point> touched_;
   redundancy_counter<Map> counter_;
 };

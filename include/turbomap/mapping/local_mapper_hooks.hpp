@@ -28,7 +28,8 @@ struct local_mapper_hooks {
   /// Called again, for the same keyframe, in each of local_mapper_options::extra_rounds (2 at most with accurate()).
   /// \param time_left_ms  infinite: no deadline
   std::function<void(Map&, keyframe, double time_left_ms)> adjust;
-  /// A keyframe is about to be erased as redundant, under the map's guard: e.g. to keep its pose relative to a parent.
+  /// A keyframe is about to be erased as redundant, under the map's guard: e.g. to keep its pose relative to a parent. It sees all its
+  /// points yet. A large one is taken out under further holds of the guard, and stays if others keep it in between.
   std::function<void(keyframe)> erasing;
   /// A stage has ended; fusion and adjustment again in each of the extra rounds.
   std::function<void(mapping_stage, const mapping_report&)> stage_done;

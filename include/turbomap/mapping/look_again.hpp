@@ -101,6 +101,19 @@ bool look_at_all([[maybe_unused]] const Map& map, [[maybe_unused]] const typenam
   else
     return false;
 }
+/// All slots of a keyframe.
+template <class Map>
+void look_at_slots([[maybe_unused]] const Map& map,
+                   [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe) {
+  if constexpr (is_copy_v<Map>) map_traits<Map>::look_at_slots(map, keyframe);
+}
+/// Points of a keyframe that is to be erased, as look_at_all(): those in the slots [begin, end), once look_at_slots() was called.
+template <class Map>
+void look_at_points([[maybe_unused]] const Map& map,
+                    [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe, [[maybe_unused]] int fewest,
+                    [[maybe_unused]] std::size_t begin, [[maybe_unused]] std::size_t end) {
+  if constexpr (is_copy_v<Map>) map_traits<Map>::look_at_points(map, keyframe, fewest, begin, end);
+}
 
 /// Positions of points, read anew; those of dead points, and what is not finite, stay. \param positions  of each of them
 template <class Map, class Points, class Positions>

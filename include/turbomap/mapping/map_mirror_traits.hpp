@@ -265,6 +265,10 @@ struct map_traits<map_mirror<Map>> {
   static void expect_points(const mirror& m, std::size_t count) { points(m).expect(count); }
   static void look_at_position(const mirror& m, point p) { detail::look_at_position(m.copy(), p); }
   static bool look_at_all(const mirror& m, keyframe k, int fewest) { return detail::look_at_all(m.copy(), k, fewest); }
+  static void look_at_slots(const mirror& m, keyframe k) { m.read_again(k); }
+  static void look_at_points(const mirror& m, keyframe k, int fewest, std::size_t begin, std::size_t end) {
+    detail::look_at_points(m.copy(), k, fewest, begin, end);
+  }
   /// @}
 
  private:

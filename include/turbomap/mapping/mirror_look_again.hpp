@@ -171,15 +171,15 @@ bool has_more_measurements_without(map_copy<Map>& copy, std::size_t p, std::int3
   return is_more([](const auto&, std::size_t) { return 1; }) ||  // each view is one at least
          is_more([](const auto& all, std::size_t i) { return all[i].u_right >= 0 ? 2 : 1; });
 }
-/// All of a keyframe that is to be erased. Points that keep more than `fewest` measurements without it, and their reference, only
-/// lose a view: that their slot holds them is enough. The others are read anew. \return whether anything had changed
+/// Points in the slots [begin, end) of a keyframe that is to be erased; all its slots were just read. Points that keep more than
+/// `fewest` measurements without it, and their reference, only lose a view: that their slot holds them is enough. The others are
+/// read anew. \return whether anything had changed
 template <class Map>
-bool look_at_all(map_copy<Map>& copy, map_keyframe_id k, int fewest) {
+bool look_at_points(map_copy<Map>& copy, map_keyframe_id k, int fewest, std::size_t begin, std::size_t end) {
   using user = map_traits<Map>;
-  if (!copy.keyframes.known(k)) return false;
-  bool differs = copy.read_keyframe(copy.at(k));
+  bool differs = false;
   constexpr std::size_t ahead = ahead_far;
-  for (std::size_t i = 0; i < copy.keyframes[copy.at(k)].slots.size(); ++i) {
+  for (std::size_t i = begin; i < end && i < copy.keyframes[copy.at(k)].slots.size(); ++i) {
     const auto& slots = copy.keyframes[copy.at(k)].slots;
     if (i + ahead < slots.size() && !(slots[i + ahead] == map_point_id{})) ask_for(copy, slots[i + ahead]);
     const map_point_id p = slots[i];
@@ -194,6 +194,13 @@ bool look_at_all(map_copy<Map>& copy, map_keyframe_id k, int fewest) {
     copy.read_point(copy.at(p));
   }
   return differs;
+}
+/// All of a keyframe that is to be erased: its slots, then their points. \return whether anything had changed
+template <class Map>
+bool look_at_all(map_copy<Map>& copy, map_keyframe_id k, int fewest) {
+  if (!copy.keyframes.known(k)) return false;
+  const bool differs = copy.read_keyframe(copy.at(k));
+  return look_at_points(copy, k, fewest, 0, copy.keyframes[copy.at(k)].slots.size()) || differs;
 }
 
 }  // namespace detail
