@@ -3,7 +3,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # layers.sh: who may include whom (layers.txt allows no more than is needed), and where details of the library stand: `detail`
-# inside the inline namespace of config.hpp, `plain_detail` outside; one name in both places is ambiguous to some compilers.
+# inside the inline namespace of config.hpp, `plain_detail` outside; one name in both places is ambiguous to some compilers. And
+# that no test case is in a header: where several tests are one program, each runs the cases of its own file only.
 set -eu -o pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 cd "$here/../.."
@@ -50,6 +51,8 @@ printf '%s\n' "${files[@]}" | awk -v rules="$here/layers.txt" '
           complain(path ":" number ": `detail` belongs into the inline namespace; outside it is `plain_detail`")
         if (path ~ /^include\// && line ~ /^namespace (turbomap::)?plain_detail/ && inside)
           complain(path ":" number ": `plain_detail` belongs outside of the inline namespace")
+        if (path ~ /\.(hpp|cuh|inc)$/ && line ~ /^ *TEST_CASE/)
+          complain(path ":" number ": a test case belongs into the file of its test")
         if (line !~ /^ *# *include "/) continue
         target = line
         sub(/^[^"]*"/, "", target); sub(/".*/, "", target)
