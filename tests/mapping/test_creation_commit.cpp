@@ -207,6 +207,18 @@ TEST_CASE_TEMPLATE("a point enters with the views that are possible, if these ar
   if constexpr (std::is_same_v<Map, flat_map>) CHECK(turbomap::validate(c.map).empty());
 }
 
+TEST_CASE_TEMPLATE("a keyframe that is named twice sees a point once", Map, flat_map, pointer_map) {
+  creation<Map> c(2);
+  c.neighbours[1] = c.neighbours[0];
+  views_of_points<Map> plan;
+  plan.add({{0, 0}, {1, 1}, {2, 2}});
+  plan.commit(c);
+  REQUIRE(c.created.size() == 1);
+  CHECK(c.at(c.neighbours[0], 1) == c.created[0]);
+  CHECK(c.at(c.neighbours[0], 2) == typename turbomap::map_traits<Map>::point{});
+  if constexpr (std::is_same_v<Map, flat_map>) CHECK(turbomap::validate(c.map).empty());
+}
+
 TEST_CASE("bad views are refused with the map as it was") {
   creation<flat_map> c;
   const auto before = everything(c.map);

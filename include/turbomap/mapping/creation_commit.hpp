@@ -113,8 +113,9 @@ void commit_points(Map& map, const new_points_view& points,
       if (!possible(o)) continue;
       const auto keyframe = keyframes[static_cast<std::size_t>(o.keyframe)];
       const auto keypoint = static_cast<std::size_t>(o.keypoint);
-      bool seen_yet = false;
-      for (std::size_t u = first; u < v; ++u) seen_yet = seen_yet || points.observations[u].keyframe == o.keyframe;
+      bool seen_yet = false;  // by names, not numbers: nobody promises that a keyframe has only one
+      for (std::size_t u = first; u < v; ++u)
+        seen_yet = seen_yet || keyframes[static_cast<std::size_t>(points.observations[u].keyframe)] == keyframe;
       if (seen_yet)  // perhaps by the same camera
         observe(map, point, keyframe, keypoint);
       else
