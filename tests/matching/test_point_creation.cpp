@@ -52,6 +52,18 @@ TEST_CASE_TEMPLATE("points are made as the oracle says", Policy, TURBOMAP_TEST_P
   }
 }
 
+TEST_CASE_TEMPLATE("more results than a host looks at in a row", Policy, TURBOMAP_TEST_POLICIES) {
+  tally t;
+  std::vector<long> outcomes(11);
+  scene_recipe recipe;
+  recipe.seed = 61, recipe.mapped = 0, recipe.prototypes = 40;
+  recipe.query_keypoints = recipe.neighbour_keypoints = 250, recipe.neighbours = 10;
+  static_assert(10 * 250 > 2 * turbomap::create_point_run<orb, pinhole_camera>::length);
+  scene<orb, pinhole_camera> s(pinhole_rig(50), recipe);
+  check_creation(Policy{}, s, wide_gates(), {}, t, outcomes);
+  check_tally(t, 200);
+}
+
 TEST_CASE("other options") {
   creation_options o;
   o.max_parallax_cosine = 0.9996, o.mono_chi2 = 2, o.stereo_chi2 = 20, o.scale_tolerance = 1, o.max_distance = 4;
