@@ -77,6 +77,7 @@ Eigen::VectorXd oracle_errors(const oracle_row& row, const oracle_frame& pose, c
     Eigen::Vector3d d = -(J.transpose() * J).ldlt().solve(J.transpose() * e);
     while (d.norm() > 1e-12 && !(errors(step + d).squaredNorm() <= e.squaredNorm())) d /= 2;
     step += d;
+    if (d.norm() <= 1e-12) break;
   }
   return errors(step);
 }
