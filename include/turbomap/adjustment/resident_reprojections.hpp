@@ -88,7 +88,8 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
     else
       describe_rows(g, [&](std::size_t i, int c) {
         const double z = g.pixel[i].z;
-        return (z >= 0) & detail::is_finite(z) & (g.rig[c].bf > 0);
+        const bool has_baseline = g.rig[c].bf > 0;
+        return (z >= 0) & detail::is_finite(z) & has_baseline;
       });
     to.landmark_groups.push_back({g.frame, g.landmark, kind_.data(), 2 * g.rig.count});
   }
