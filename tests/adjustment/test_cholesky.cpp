@@ -16,6 +16,7 @@
 
 #include <turbomap/adjustment/block_cholesky.hpp>
 #include <turbomap/adjustment/dense_cholesky.hpp>
+#include <turbomap/adjustment/tiled_matrix.hpp>
 #include <turbomap/adjustment/unknown_order.hpp>
 
 #include "reference/eigen.hpp"
@@ -61,7 +62,7 @@ Eigen::VectorXd solved(const Eigen::MatrixXd& S, const Eigen::VectorXd& b) {
   REQUIRE(solver.factorise(A.data(), n));
   std::vector<double> x(static_cast<std::size_t>(dense_cholesky::padded(n)), 3.0);
   for (int i = 0; i < n; ++i) x[static_cast<std::size_t>(i)] = b[i];
-  solver.solve(A.data(), n, x.data());
+  solver.solve(x.data());
   CHECK(std::fetestexcept(FE_INVALID) == 0);
   return Eigen::Map<Eigen::VectorXd>(x.data(), n);
 }
@@ -96,31 +97,112 @@ TEST_CASE("dense: rows that begin with zeros") {
   }
 }
 
-TEST_CASE("frames' other unknowns first: the same system") {
-  constexpr int V = 6, D = 15, frames = 7, n = frames * D, stride = 112;
-  const Eigen::MatrixXd S = symmetric(n, 2 * n, 3);
-  std::vector<double> from(stride * stride, 0.0), to(stride * stride, 0.0), x(stride), y(stride), z(stride);
-  for (int a = 0; a < n; ++a)
-    for (int b = a; b < n; ++b) from[static_cast<std::size_t>(a * stride + b)] = S(a, b);
-  const turbomap::unknown_order<V, D> order{frames};
-  order.matrix(from.data(), to.data(), stride);
-  std::vector<int> at(n, -1);
-  for (int f = 0; f < frames; ++f)
-    for (int u = 0; u < D; ++u) at[static_cast<std::size_t>(order.place(f, u))] = f * D + u;
-  CHECK(*std::min_element(at.begin(), at.end()) == 0);
-  CHECK(at[0] == 6);                 // of frame 0 the first that no landmark sees
-  CHECK(at[frames * (D - V)] == 0);  // then the poses
-  for (int p = 0; p < n; ++p)
-    for (int q = p; q < n; ++q) {
-      const int a = at[static_cast<std::size_t>(p)], b = at[static_cast<std::size_t>(q)];
-      // Of the half that was given: S(b, a) may be rounded otherwise.
-      CHECK(to[static_cast<std::size_t>(p * stride + q)] == S(std::min(a, b), std::max(a, b)));
+TEST_CASE("a tiled matrix has room for what is joined and for what a factorisation fills, and no more") {
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    CAPTURE(seed);
+    std::mt19937 random(seed);
+    constexpr int n = 83, tile = turbomap::tiled_matrix::tile, tiles = (n + tile - 1) / tile;
+    std::uniform_int_distribution<int> unknown(0, n - 1);
+    std::vector<char> filled(tiles * tiles, 0);
+    const auto at = [&](int i, int j) -> char& { return filled[static_cast<std::size_t>(i * tiles + j)]; };
+    turbomap::tiled_matrix matrix;
+    matrix.reset(12);  // what was there before is lost
+    matrix.join(11, 0);
+    matrix.lay_out();
+    matrix.reset(n);
+    for (int i = 0; i < tiles; ++i) at(i, i) = 1;
+    for (int k = 0; k < 12; ++k) {
+      const int a = unknown(random), b = unknown(random);
+      matrix.join(a, b);
+      at(std::max(a, b) / tile, std::min(a, b) / tile) = 1;
     }
-  for (int i = 0; i < n; ++i) x[static_cast<std::size_t>(i)] = i;
-  order.vector(x.data(), y.data());
-  CHECK(y[0] == 6);
-  order.restore(y.data(), z.data());
-  CHECK(x == z);
+    for (int j = 0; j < tiles; ++j)  // elimination: all that a column joins is joined then
+      for (int i = j + 1; i < tiles; ++i)
+        for (int k = j + 1; k <= i; ++k)
+          if (at(i, j) != 0 && at(k, j) != 0) at(i, k) = 1;
+    matrix.lay_out();
+    matrix.clear();
+    CHECK(matrix.size() == n);
+    REQUIRE(matrix.tiles() == tiles);
+    std::vector<const double*> places;
+    for (int i = 0; i < tiles; ++i) {
+      int first = i;
+      for (int j = i; j >= 0; --j) {
+        CHECK(matrix.has(i, j) == (at(i, j) != 0));
+        if (at(i, j) == 0) continue;
+        first = j;
+        places.push_back(matrix.in(i, j));
+        for (int k = 0; k < tile * tile; ++k)
+          CHECK(matrix.in(i, j)[k] == (i == j && k % (tile + 1) == 0 && i * tile + k % tile >= n ? 1 : 0));
+      }
+      CHECK(matrix.first(i) == first);
+    }
+    std::sort(places.begin(), places.end());
+    for (std::size_t k = 1; k < places.size(); ++k) CHECK(places[k] - places[k - 1] == tile * tile);
+  }
+}
+
+TEST_CASE("frames' other unknowns first: the same system, zero tiles left out") {
+  constexpr int V = 6, D = 15;
+  for (const int frames : {1, 2, 3, 7, 8, 13}) {
+    CAPTURE(frames);
+    const int n = frames * D;
+    const Eigen::MatrixXd full = symmetric(n, 2 * n, 3);
+    Eigen::MatrixXd S = Eigen::MatrixXd::Zero(n, n);  // all poses are joined, and neighbours in all unknowns
+    const auto joined = [](int a, int b) { return b - a <= 1 ? D : V; };
+    for (int a = 0; a < frames; ++a)
+      for (int b = a; b < frames; ++b) {
+        const int count = joined(a, b);
+        S.block(a * D, b * D, count, count) = full.block(a * D, b * D, count, count);
+        S.block(b * D, a * D, count, count) = full.block(b * D, a * D, count, count);
+      }
+    S.diagonal().array() += 3 * n;
+    const turbomap::unknown_order<V, D> order{frames};
+    dense_cholesky solver;
+    auto& matrix = solver.matrix();
+    matrix.reset(n);
+    for (int a = 0; a < frames; ++a)
+      for (int b = a; b < frames; ++b) order.join(a, b, joined(a, b), matrix);
+    matrix.lay_out();
+    matrix.clear();
+    std::vector<int> at(static_cast<std::size_t>(n), -1);
+    for (int f = 0; f < frames; ++f)
+      for (int u = 0; u < D; ++u) at[static_cast<std::size_t>(order.place(f, u))] = f * D + u;
+    CHECK(*std::min_element(at.begin(), at.end()) == 0);
+    CHECK(at[0] == 6);                                           // of frame 0 the first that no landmark sees
+    CHECK(at[static_cast<std::size_t>(frames * (D - V))] == 0);  // then the poses
+    for (int a = 0; a < frames; ++a)
+      for (int b = a; b < frames; ++b) {
+        const int count = joined(a, b), stride = count + 2;
+        std::vector<double> block(static_cast<std::size_t>(stride * stride), std::numeric_limits<double>::quiet_NaN());
+        for (int r = 0; r < count; ++r)
+          for (int c = a == b ? r : 0; c < count; ++c)
+            block[static_cast<std::size_t>(r * stride + c)] = S(a * D + r, b * D + c);
+        order.put(a, b, count, block.data(), stride, matrix);
+      }
+    int zeros = 0;
+    for (int p = 0; p < n; ++p)
+      for (int q = p; q < n; ++q) {
+        const int a = at[static_cast<std::size_t>(p)], b = at[static_cast<std::size_t>(q)];
+        const double expected =
+            S(std::min(a, b), std::max(a, b));  // of the half that was given: the other may be rounded otherwise
+        const bool has = matrix.has(q / 8, p / 8);
+        zeros += has ? 0 : 1;
+        CHECK((has ? matrix.at(q, p) : 0) == expected);
+      }
+    CHECK((zeros > 0) == (frames > 2));
+    std::vector<double> x(static_cast<std::size_t>(n)), y(x.size() + 8), z(x.size());
+    for (int i = 0; i < n; ++i) x[static_cast<std::size_t>(i)] = i;
+    order.vector(x.data(), y.data());
+    CHECK(y[0] == 6);
+    order.restore(y.data(), z.data());
+    CHECK(x == z);
+    REQUIRE(solver.factorise_matrix(1e-12));
+    solver.solve(y.data());
+    order.restore(y.data(), z.data());
+    const Eigen::VectorXd expected = S.llt().solve(Eigen::Map<Eigen::VectorXd>(x.data(), n));
+    CHECK((Eigen::Map<Eigen::VectorXd>(z.data(), n) - expected).norm() < 1e-12 * expected.norm());
+  }
 }
 
 TEST_CASE("dense: singular, indefinite, not a number") {
@@ -162,7 +244,7 @@ TEST_CASE_TEMPLATE("dense: by threads, the same bits and the same refusals", Pol
       REQUIRE(alone.factorise(A.data(), n));
       REQUIRE(shared.factorise(Policy{}, B.data(), n));
       std::vector<double> x(A.size() + 8, 1.0), y = x;
-      alone.solve(A.data(), n, x.data()), shared.solve(B.data(), n, y.data());
+      alone.solve(x.data()), shared.solve(y.data());
       CHECK(x == y);
       if (n < 60) continue;
       A = padded_copy(S);

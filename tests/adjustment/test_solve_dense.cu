@@ -51,10 +51,9 @@ struct random_equations {
 
   bool on_host(std::vector<double>& x) const {
     dense_cholesky solver;
-    std::vector<double> L = S;
     x = b;
-    if (!solver.factorise(L.data(), n)) return false;
-    solver.solve(L.data(), n, x.data());
+    if (!solver.factorise(S.data(), n)) return false;
+    solver.solve(x.data());
     return true;
   }
   /// \param frames  of 15 unknowns, of which landmarks see 6; 0: in the order that the matrix has

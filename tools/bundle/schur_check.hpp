@@ -92,7 +92,7 @@ nlohmann::json check_schur(const Policy& policy, const turbomap::schur_system& s
   const bool solved = cholesky.factorise(factor.data(), ours.size(), bounds.pivot);
   auto x = rhs;
   x.resize(factor.size() / static_cast<std::size_t>(turbomap::dense_cholesky::padded(ours.size())));
-  if (solved) cholesky.solve(factor.data(), ours.size(), x.data());
+  if (solved) cholesky.solve(x.data());
   x.resize(n);
   const double damped = solved ? relative_residual(S, x, rhs) : HUGE_VAL;
   return {{"unknowns", n},

@@ -42,6 +42,7 @@ struct solver_workspace {
   dense_cholesky dense;                                 ///< for matrices in full
   block_cholesky<D> sparse;                             ///< for matrices block by block
   bool analysed = false;                                ///< `sparse` has the structure of the problem
+  bool begins_well = true;                              ///< the first step of the last adjustment was accepted
   int ahead = 0;                                        ///< steps taken that were solved for ahead, of all adjustments
   array<double, host_memory> matrix;                    ///< the matrix on the host
   array<double, host_memory> x;                         ///< right hand side, then solution, on the host
@@ -50,8 +51,7 @@ struct solver_workspace {
   array<awaited<step_report>, host_memory> report;      ///< what a step gained, written by the policy
   array<awaited<survey_report>, host_memory> survey;    ///< what the first linearisation is like, written by the policy
   array<observation_report, host_memory> observations;  ///< what the policy tells of lists that it made
-  plain_vector<double> ordered;                         ///< the matrix in an unknown_order
-  plain_vector<double> ordered_x;                       ///< x in it
+  plain_vector<double> ordered_x;                       ///< x in an unknown_order
 };
 
 /// Steps of the free frames.
@@ -63,38 +63,51 @@ struct reduced_step {
   const double* solved_resident = nullptr;  ///< with no `on_host`: whether it was solved, where the policy computes
 };
 
-/// The reduced matrix in full. The host solves it in an unknown_order where there are others than those of landmarks.
-template <int V, int D>
+/// The reduced matrix in full. The host solves it in an unknown_order where there are others than those of landmarks; it is
+/// handed the blocks that exist then, one after the other.
+/// \tparam Memory  where it is formed
+template <int V, int D, class Memory>
 class dense_system {
- public:
-  static constexpr bool fills_gaps = true;  ///< the matrix has room for blocks that nothing is summed into
+  static constexpr bool by_blocks = (D > V) && is_host_accessible_v<Memory>;
 
-  /// \param workspace  must outlive this
+ public:
+  static constexpr bool fills_gaps = !by_blocks;  ///< the matrix has room for blocks that nothing is summed into
+
+  /// Both must outlive this.
   dense_system(solver_workspace<D>& workspace, const adjustment_structure& s)
-      : workspace_(workspace), order_{s.free_frames}, n_(s.free_frames * D), padded_(dense_cholesky::padded(n_)) {}
+      : workspace_(workspace),
+        structure_(s),
+        order_{s.free_frames},
+        n_(s.free_frames * D),
+        padded_(dense_cholesky::padded(n_)) {
+    if constexpr (D > V) lay_out();
+  }
 
   /// Numbers per column, padding included.
   std::size_t unknowns() const { return static_cast<std::size_t>(padded_); }
   /// Numbers of the matrix, padding included.
-  std::size_t size() const { return unknowns() * unknowns(); }
+  std::size_t size() const {
+    if (by_blocks) return (static_cast<std::size_t>(structure_.free_frames) + structure_.block_row.size()) * D * D;
+    return unknowns() * unknowns();
+  }
   /// Where its blocks go.
-  reduced_layout layout(double* S, double* rhs) const { return {S, rhs, padded_, true}; }
-  /// Factorises a matrix on the host, which may be overwritten, by the threads of a policy of the host.
+  reduced_layout layout(double* S, double* rhs) const { return {S, rhs, padded_, !by_blocks}; }
+  /// Factorises a matrix on the host by the threads of a policy of the host.
   /// False: singular or not positive definite.
   template <class Policy>
-  bool factorise(const Policy& policy, double* S, double tolerance) {
-    matrix_ = S;
+  bool factorise(const Policy& policy, const double* S, double tolerance) {
+    auto& solver = workspace_.dense;
     if constexpr (D > V) {
-      auto& ordered = workspace_.ordered;
-      ordered.clear();
-      ordered.resize(size());  // zeros
-      order_.matrix(S, ordered.data(), padded_);
-      matrix_ = ordered.data();
+      fill(S);
+      if constexpr (is_host_accessible_v<Memory>)
+        return solver.factorise_matrix(policy, tolerance);
+      else
+        return solver.factorise_matrix(tolerance);
+    } else if constexpr (is_host_accessible_v<Memory>) {
+      return solver.factorise(policy, S, n_, tolerance);
+    } else {
+      return solver.factorise(S, n_, tolerance);
     }
-    if constexpr (is_host_accessible_v<memory_of_t<Policy>>)
-      return workspace_.dense.factorise(policy, matrix_, n_, tolerance);
-    else
-      return workspace_.dense.factorise(matrix_, n_, tolerance);
   }
   /// x = S^-1 x, on the host, by the factor.
   void substitute(double* x) const {
@@ -102,18 +115,49 @@ class dense_system {
       auto& ordered = workspace_.ordered_x;
       ordered.resize(unknowns());
       order_.vector(x, ordered.data());
-      workspace_.dense.solve(matrix_, n_, ordered.data());
+      workspace_.dense.solve(ordered.data());
       order_.restore(ordered.data(), x);
     } else {
-      workspace_.dense.solve(matrix_, n_, x);
+      workspace_.dense.solve(x);
     }
   }
 
  private:
+  /// Calls f(a, b, place, joined) with each block on or above the diagonal that there is: where it begins, and whether more than
+  /// landmarks joins its frames.
+  template <class Function>
+  void for_each_block(const Function& f) const {
+    const auto& s = structure_;
+    const auto row = static_cast<std::ptrdiff_t>(padded_) * D;
+    for (int a = 0; a < s.free_frames; ++a) f(a, a, by_blocks ? a * block_size : a * (row + D), true);
+    if constexpr (by_blocks) {
+      for (std::size_t k = 0; k < s.block_row.size(); ++k)
+        f(s.block_row[k], s.block_column[k], (s.free_frames + static_cast<std::ptrdiff_t>(k)) * block_size,
+          s.block_factor[k + 1] > s.block_factor[k]);
+    } else {
+      for (int a = 0; a < s.free_frames; ++a)
+        for (int b = a + 1; b < s.free_frames; ++b) f(a, b, a * row + b * D, true);
+    }
+  }
+  void lay_out() {
+    auto& matrix = workspace_.dense.matrix();
+    matrix.reset(n_);
+    for_each_block([&](int a, int b, std::ptrdiff_t, bool joined) { order_.join(a, b, joined ? D : V, matrix); });
+    matrix.lay_out();
+  }
+  void fill(const double* S) {
+    auto& matrix = workspace_.dense.matrix();
+    matrix.clear();
+    for_each_block([&](int a, int b, std::ptrdiff_t place, bool joined) {
+      order_.put(a, b, joined ? D : V, S + place, by_blocks ? D : padded_, matrix);
+    });
+  }
+
+  static constexpr std::ptrdiff_t block_size = D * D;
   solver_workspace<D>& workspace_;
+  const adjustment_structure& structure_;
   unknown_order<V, D> order_;
   int n_, padded_;
-  double* matrix_ = nullptr;
 };
 
 /// The blocks that exist, one after the other.

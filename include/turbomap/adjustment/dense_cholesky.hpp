@@ -3,10 +3,10 @@
 #pragma once
 
 /// \file
-/// Cholesky factorisation of a full symmetric matrix on the host: what local problems end in. Left-looking over tiles of 8
-/// by 8, so that a tile is loaded and stored once. Tiles of zeros at the beginning of a row stay zero and are passed over: an
-/// order of the unknowns that makes them long makes it fast (a skyline). Several threads take runs of tiles in one order, and
-/// wait for those that theirs depend on: a parallel loop per column of tiles would take longer than the column.
+/// Cholesky factorisation of a symmetric matrix on the host: what local problems end in. Left-looking over the tiles of a
+/// tiled_matrix, so that a tile is loaded and stored once. Tiles of zeros are passed over: an order of the unknowns that keeps many of
+/// them makes it fast. Several threads take runs of tiles in one order, and wait for those that theirs depend on: a parallel loop
+/// per column of tiles would take longer than the column.
 
 #include <sched.h>
 
@@ -19,31 +19,47 @@
 #include "../parallel.hpp"
 #include "../plain_vector.hpp"
 #include "options.hpp"
+#include "tiled_matrix.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Keep one and use it again: it owns the pivots and the progress of a factorisation, so one call at a time.
+/// Keep one and use it again: it owns the matrix and the progress of a factorisation, so one call at a time.
 class dense_cholesky {
  public:
-  static constexpr int tile = 8;  ///< rows and columns of a tile
+  static constexpr int tile = tiled_matrix::tile;  ///< rows and columns of a tile
 
   /// The leading dimension, and number of columns, that a matrix of n unknowns is stored with.
   static int padded(int n) { return (n + tile - 1) / tile * tile; }
 
-  /// Replaces the lower triangle of A (column-major: the upper one, row-major) by L with A = L L^T.
-  /// \param A          padded(n) squared; the other triangle and what is beyond n are not read, but may be overwritten
+  /// Factorises A = L L^T.
+  /// \param A          the lower triangle, column-major (the upper one, row-major), padded(n) squared; the other triangle and what is
+  ///                   beyond n are not read. Tiles of zeros at the beginning of a row are passed over
   /// \param tolerance  a pivot below it times the diagonal element it came from: the matrix is singular
-  /// \return false: singular or not positive definite; A is then spoilt
-  bool factorise(double* A, int n, double tolerance = default_pivot_tolerance) {
-    prepare(A, n, tolerance);
+  /// \return false: singular or not positive definite
+  bool factorise(const double* A, int n, double tolerance = default_pivot_tolerance) {
+    take(A, n);
+    return factorise_matrix(tolerance);
+  }
+  /// The same by the threads of a policy of the host: the same bits.
+  template <class Policy>
+  bool factorise(const Policy& policy, const double* A, int n, double tolerance = default_pivot_tolerance) {
+    take(A, n);
+    return factorise_matrix(policy, tolerance);
+  }
+
+  /// The matrix, to be filled before it is factorised in place; its factor afterwards.
+  tiled_matrix& matrix() { return A_; }
+  /// Factorises matrix().
+  bool factorise_matrix(double tolerance) {
+    prepare(tolerance);
     work();
     return state_.failed == 0;
   }
   /// The same by the threads of a policy of the host: the same bits.
   template <class Policy>
-  bool factorise(const Policy& policy, double* A, int n, double tolerance = default_pivot_tolerance) {
-    prepare(A, n, tolerance);
-    if (n_ < tile * fewest_shared)
+  bool factorise_matrix(const Policy& policy, double tolerance) {
+    prepare(tolerance);
+    if (A_.tiles() < fewest_shared)
       work();
     else
       for_each_index(policy, workers, worker{this});
@@ -51,118 +67,153 @@ class dense_cholesky {
   }
 
   /// Solves L L^T x = b in place; x has room for padded(n) numbers.
-  TURBOMAP_ONE_BODY void solve(const double* L, int n, double* x) const {
-    for (int i = n; i < n_; ++i) x[i] = 0;
-    for (int j = 0; j < n_; ++j) {
-      const double* l = column(L, j);
-      const double v = x[j] *= reciprocal_[static_cast<std::size_t>(j)];
-      for (int i = j + 1; i < n_; ++i) x[i] -= l[i] * v;
+  TURBOMAP_ONE_BODY void solve(double* x) const {
+    const int tiles = A_.tiles();
+    for (int i = A_.size(); i < tiles * tile; ++i) x[i] = 0;
+    for (int j = 0; j < tiles; ++j) {
+      double* const y = x + j * tile;
+      const double* l = A_.in(j, j);
+      for (int c = 0; c < tile; ++c) {
+        const double v = y[c] *= reciprocal(j, c);
+        for (int r = c + 1; r < tile; ++r) y[r] -= l[c * tile + r] * v;
+      }
+      for (int i = j + 1; i < tiles; ++i)
+        if (A_.has(i, j)) subtract(A_.in(i, j), y, x + i * tile);
     }
-    for (int j = n_ - 1; j >= 0; --j) {
-      const double* l = column(L, j);
-      pack<double, 4> sum(0.0);
-      const int aligned = (j + 4) / 4 * 4;
-      double rest = 0;
-      for (int i = j + 1; i < aligned; ++i) rest += l[i] * x[i];
-      for (int i = aligned; i < n_; i += 4)
-        sum = multiply_add(pack<double, 4>::load(l + i), pack<double, 4>::load(x + i), sum);
-      double lanes[4];
-      sum.store(lanes);
-      const double v = x[j] - (rest + ((lanes[0] + lanes[2]) + (lanes[1] + lanes[3])));
-      x[j] = v * reciprocal_[static_cast<std::size_t>(j)];
+    for (int j = tiles - 1; j >= 0; --j) {
+      solve_back<4>(x, j);  // the second half of the tile's columns: the first needs it
+      solve_back<0>(x, j);
     }
   }
 
  private:
   using P = pack<double, 4>;
 
-  double* column(double* A, int j) const { return A + static_cast<std::ptrdiff_t>(j) * n_; }
-  const double* column(const double* A, int j) const { return A + static_cast<std::ptrdiff_t>(j) * n_; }
-
-  /// The first column of the rows i to i + 7 whose tile is not zero; the diagonal one at last.
-  int first_tile(const double* A, int i) const {
-    for (int j = 0; j < i; ++j)
-      for (int r = i; r < i + tile; ++r)
-        if (column(A, j)[r] != 0) return j / tile * tile;
-    return i;
+  double reciprocal(int j, int c) const {
+    return reciprocal_[static_cast<std::size_t>(j) * tile + static_cast<std::size_t>(c)];
   }
-  int begin(int i) const { return begin_[static_cast<std::size_t>(i / tile)]; }
 
-  /// Subtracts L(rows i.., 0..j) L(rows c.., 0..j)^T from rows i.. of columns c to c + 3.
-  void update(double* A, int i, int c, int j) const {
+  /// x -= L y of a tile.
+  static void subtract(const double* l, const double* y, double* x) {
+    P a = P::load(x), b = P::load(x + 4);
+    for (int k = 0; k < tile; ++k) {
+      const P v(y[k]);
+      a = a - P::load(l + k * tile) * v, b = b - P::load(l + k * tile + 4) * v;
+    }
+    a.store(x), b.store(x + 4);
+  }
+
+  /// Four columns of L^T x = y, from column c of tile j on; all behind them is solved.
+  template <int C>
+  void solve_back(double* x, int j) const {
+    const double* const l = A_.in(j, j);
+    double* const y = x + j * tile;
+    P sum[4];
+    for (int c = 0; c < 4; ++c) sum[c] = P(0.0);
+    const auto add = [&sum](const double* rows, const double* of) {
+      const P v = P::load(of);
+      for (int c = 0; c < 4; ++c) sum[c] = multiply_add(P::load(rows + (C + c) * tile), v, sum[c]);
+    };
+    if constexpr (C == 0) add(l + 4, y + 4);
+    for (int i = j + 1; i < A_.tiles(); ++i)
+      if (A_.has(i, j)) add(A_.in(i, j), x + i * tile), add(A_.in(i, j) + 4, x + i * tile + 4);
+    for (int c = C + 3; c >= C; --c) {
+      double rest = 0, lanes[4];
+      for (int r = c + 1; r < C + 4; ++r) rest += l[c * tile + r] * y[r];
+      sum[c - C].store(lanes);
+      const double v = y[c] - (rest + ((lanes[0] + lanes[2]) + (lanes[1] + lanes[3])));
+      y[c] = v * reciprocal(j, c);
+    }
+  }
+
+  /// Subtracts L(i, 0..j) L(j, 0..j)^T from columns c to c + 3 of tile (i, j).
+  void update(int i, int j, int c) {
     P sum[4][2];
     for (auto& s : sum) s[0] = s[1] = P(0.0);
-    for (int k = begin(i) > begin(c) ? begin(i) : begin(c); k < j; ++k) {
-      const double* l = column(A, k);
-      const P a = P::load(l + i), b = P::load(l + i + 4);
-      for (int m = 0; m < 4; ++m) {
-        const P right(l[c + m]);
-        sum[m][0] = multiply_add(a, right, sum[m][0]);
-        sum[m][1] = multiply_add(b, right, sum[m][1]);
+    for (int t = A_.first(i) > A_.first(j) ? A_.first(i) : A_.first(j); t < j; ++t) {
+      if (!A_.has(i, t) || !A_.has(j, t)) continue;
+      const double *l = A_.in(i, t), *right = A_.in(j, t) + c;
+      for (int k = 0; k < tile; ++k, l += tile, right += tile) {
+        const P a = P::load(l), b = P::load(l + 4);
+        for (int m = 0; m < 4; ++m) {
+          const P r(right[m]);
+          sum[m][0] = multiply_add(a, r, sum[m][0]);
+          sum[m][1] = multiply_add(b, r, sum[m][1]);
+        }
       }
     }
     for (int m = 0; m < 4; ++m) {
-      double* to = column(A, c + m) + i;
+      double* to = A_.in(i, j) + (c + m) * tile;
       (P::load(to) - sum[m][0]).store(to);
       (P::load(to + 4) - sum[m][1]).store(to + 4);
     }
   }
 
-  bool factorise_tile(double* A, int j, double tolerance) {
-    update(A, j, j, j);
-    update(A, j, j + 4, j);
-    for (int c = j; c < j + tile; ++c) {
-      double* l = column(A, c);
-      for (int k = j; k < c; ++k) {
-        const double* left = column(A, k);
-        for (int i = c; i < j + tile; ++i) l[i] -= left[i] * left[c];
+  bool factorise_tile(int j, double tolerance) {
+    update(j, j, 0);
+    update(j, j, 4);
+    double* const A = A_.in(j, j);
+    for (int c = 0; c < tile; ++c) {
+      double* l = A + c * tile;
+      for (int k = 0; k < c; ++k) {
+        const double* left = A + k * tile;
+        for (int i = c; i < tile; ++i) l[i] -= left[i] * left[c];
       }
       const double pivot = l[c];
-      if (!(pivot > tolerance * diagonal_[static_cast<std::size_t>(c)]) || !(pivot > 0) || !detail::is_finite(pivot))
-        return false;
+      const std::size_t at = static_cast<std::size_t>(j) * tile + static_cast<std::size_t>(c);
+      if (!(pivot > tolerance * diagonal_[at]) || !(pivot > 0) || !detail::is_finite(pivot)) return false;
       const double root = std::sqrt(pivot), r = 1 / root;
-      l[c] = root, reciprocal_[static_cast<std::size_t>(c)] = r;
-      for (int i = c + 1; i < j + tile; ++i) l[i] *= r;
+      l[c] = root, reciprocal_[at] = r;
+      for (int i = c + 1; i < tile; ++i) l[i] *= r;
     }
     return true;
   }
 
-  void solve_tile(double* A, int i, int j) const {
-    update(A, i, j, j);
-    update(A, i, j + 4, j);
+  void solve_tile(int i, int j) {
+    update(i, j, 0);
+    update(i, j, 4);
+    double* const to = A_.in(i, j);
+    const double* const pivot = A_.in(j, j);
     P x[tile][2];
     for (int c = 0; c < tile; ++c) {
-      double* to = column(A, j + c) + i;
-      x[c][0] = P::load(to), x[c][1] = P::load(to + 4);
+      x[c][0] = P::load(to + c * tile), x[c][1] = P::load(to + c * tile + 4);
       for (int k = 0; k < c; ++k) {
-        const P l(-column(A, j + k)[j + c]);
+        const P l(-pivot[k * tile + c]);
         x[c][0] = multiply_add(x[k][0], l, x[c][0]);
         x[c][1] = multiply_add(x[k][1], l, x[c][1]);
       }
-      const P r(reciprocal_[static_cast<std::size_t>(j) + static_cast<std::size_t>(c)]);
+      const P r(reciprocal(j, c));
       x[c][0] = x[c][0] * r, x[c][1] = x[c][1] * r;
-      x[c][0].store(to), x[c][1].store(to + 4);
+      x[c][0].store(to + c * tile), x[c][1].store(to + c * tile + 4);
     }
   }
 
+  /// A matrix in full.
+  TURBOMAP_ONE_BODY void take(const double* A, int n) {
+    A_.reset(n);
+    const std::ptrdiff_t stride = padded(n);
+    const auto ends_at = [n](int i) { return (i + 1) * tile < n ? (i + 1) * tile : n; };
+    const auto first_tile = [&](int i) {  // of a row of tiles that is not zero; the diagonal one at last
+      for (int j = 0; j < i * tile; ++j)
+        for (int r = i * tile; r < ends_at(i); ++r)
+          if (A[j * stride + r] != 0) return j / tile;
+      return i;
+    };
+    for (int i = 0; i < A_.tiles(); ++i)
+      for (int j = first_tile(i); j < i; ++j) A_.join(i * tile, j * tile);
+    A_.lay_out();
+    A_.clear();
+    for (int i = 0; i < A_.tiles(); ++i)
+      for (int j = A_.first(i) * tile; j < ends_at(i); ++j)
+        for (int r = j > i * tile ? j : i * tile; r < ends_at(i); ++r) A_.at(r, j) = A[j * stride + r];
+  }
   /// What is to be done before the first tile.
-  TURBOMAP_ONE_BODY void prepare(double* A, int n, double tolerance) {
-    n_ = padded(n);
-    diagonal_.resize(static_cast<std::size_t>(n_)), reciprocal_.resize(static_cast<std::size_t>(n_));
-    for (int j = n; j < n_; ++j) {  // an identity: its steps are 0
-      for (int i = 0; i < n_; ++i) column(A, j)[i] = i == j ? 1 : 0;
-      for (int i = 0; i < n; ++i) column(A, i)[j] = 0;
-    }
-    // What lies above the diagonal in its tiles: they are computed as a whole, and nobody wrote this.
-    for (int j = 0; j < n; ++j)
-      for (int i = j / tile * tile; i < j; ++i) column(A, j)[i] = 0;
-    for (int j = 0; j < n_; ++j) diagonal_[static_cast<std::size_t>(j)] = column(A, j)[j];
-    begin_.resize(static_cast<std::size_t>(n_ / tile));
-    for (int i = 0; i < n_; i += tile) begin_[static_cast<std::size_t>(i / tile)] = first_tile(A, i);
-    const int groups = (n_ / tile + group - 1) / group;
-    done_.resize(static_cast<std::size_t>(groups));
-    for (int& columns : done_) columns = 0;
-    state_ = {A, tolerance, 0, 0, 0};
+  TURBOMAP_ONE_BODY void prepare(double tolerance) {
+    const int tiles = A_.tiles(), n = tiles * tile;
+    diagonal_.resize(static_cast<std::size_t>(n)), reciprocal_.resize(static_cast<std::size_t>(n));
+    for (int j = 0; j < n; ++j) diagonal_[static_cast<std::size_t>(j)] = A_.at(j, j);
+    done_.assign(static_cast<std::size_t>((tiles + group - 1) / group), 0);
+    state_ = {tolerance, 0, 0, 0};
   }
 
   static constexpr int group = 2;          ///< tiles below each other that one task computes
@@ -175,7 +226,6 @@ class dense_cholesky {
   };
   /// Shared by the threads.
   struct progress {
-    double* A;
     double tolerance;
     int next;    ///< task to be taken
     int pivots;  ///< tiles on the diagonal that are factorised
@@ -185,7 +235,7 @@ class dense_cholesky {
   /// Takes tasks until there are none: column by column of tiles, in each the groups of rows from the diagonal on. A task
   /// waits for the ones before it only, which other threads have taken: so one thread alone never waits.
   TURBOMAP_ONE_BODY void work() {
-    const int tiles = n_ / tile, groups = (tiles + group - 1) / group;
+    const int tiles = A_.tiles(), groups = (tiles + group - 1) / group;
     int column = 0, first = 0;  // first task of the column
     while (column < tiles) {
       const int task = __atomic_fetch_add(&state_.next, 1, __ATOMIC_RELAXED);
@@ -195,12 +245,12 @@ class dense_cholesky {
   }
   /// Tiles of a column in a group of rows. False: it failed, here or elsewhere.
   bool compute(int column, int rows) {
-    const int tiles = n_ / tile, end = (rows + 1) * group < tiles ? (rows + 1) * group : tiles;
+    const int tiles = A_.tiles(), end = (rows + 1) * group < tiles ? (rows + 1) * group : tiles;
     int i = rows * group;
     int* done = &done_[static_cast<std::size_t>(rows)];
     if (!wait_until(done, column)) return false;
     if (i <= column) {
-      if (!factorise_tile(state_.A, column * tile, state_.tolerance)) {
+      if (!factorise_tile(column, state_.tolerance)) {
         __atomic_store_n(&state_.failed, 1, __ATOMIC_RELEASE);
         return false;
       }
@@ -210,7 +260,7 @@ class dense_cholesky {
       return false;
     }
     for (; i < end; ++i)
-      if (begin(i * tile) <= column * tile) solve_tile(state_.A, i * tile, column * tile);
+      if (A_.has(i, column)) solve_tile(i, column);
     __atomic_store_n(done, column + 1, __ATOMIC_RELEASE);
     return true;
   }
@@ -226,11 +276,10 @@ class dense_cholesky {
     return true;
   }
 
-  int n_ = 0;
+  tiled_matrix A_;
   progress state_{};
   plain_vector<int> done_;  // per group of rows of tiles: its columns that are done
   plain_vector<double> diagonal_, reciprocal_;
-  plain_vector<int> begin_;  // per tile of rows: its first column that is not zero
 };
 
 TURBOMAP_END_NAMESPACE

@@ -46,6 +46,7 @@ class levenberg_marquardt {
   /// \param ctx,data  must outlive this; `data` holds the start, and the result afterwards   \param options  checked by the caller
   levenberg_marquardt(context<Policy>& ctx, Data& data, const adjustment_options& options)
       : ctx_(ctx), data_(data), options_(options), start_(clock::now()), equations_(begin(ctx), data) {
+    if constexpr (is_host_accessible_v<memory_of_t<Policy>>) hopeful_ = data.workspace.begins_well;
     gains_ = ctx.template scratch<double>(gain_count());
     next_lambda_ = ctx.template scratch<double>(1);
   }
@@ -80,8 +81,9 @@ class levenberg_marquardt {
     const schur_view<A>& s = equations_.now().view();
     if constexpr (Solvers::has(reduced_solver::dense))
       if (chosen == reduced_solver::dense)
-        return iterate(detail::step_solver_of<Policy, cholesky_solver<A, V, D, dense_system<V, D>>>(
-            ctx_, s, data_.structure, data_.workspace));
+        return iterate(
+            detail::step_solver_of<Policy, cholesky_solver<A, V, D, dense_system<V, D, memory_of_t<Policy>>>>(
+                ctx_, s, data_.structure, data_.workspace));
     if constexpr (Solvers::has(reduced_solver::sparse))
       if (chosen == reduced_solver::sparse)
         return iterate(detail::step_solver_of<Policy, cholesky_solver<A, V, D, sparse_system<D>>>(
@@ -172,6 +174,7 @@ class levenberg_marquardt {
         }
         if (!step.evaluated) step.cost = equations_.evaluate(data_.estimate.trial(), more && hopeful_);
         hopeful_ = control.accepts(cost, step.cost, step.predicted);
+        if (summary_.accepted == 0 && it.steps == 1) data_.workspace.begins_well = hopeful_;
         if (hopeful_) {
           cost = step.cost;
           equations_.accept();

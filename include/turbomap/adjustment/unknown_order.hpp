@@ -11,6 +11,7 @@
 #include <cstddef>
 
 #include "../config.hpp"
+#include "tiled_matrix.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -24,18 +25,20 @@ struct unknown_order {
     return unknown < V ? frames * (D - V) + frame * V + unknown : frame * (D - V) + unknown - V;
   }
 
-  /// The lower triangle, column by column of `stride` numbers, of `from` into `to`.
-  void matrix(const double* from, double* to, int stride) const {
-    for (int a = 0; a < frames; ++a)
-      for (int b = a; b < frames; ++b)
-        for (int r = 0; r < D; ++r) {
-          const double* row = from + static_cast<std::ptrdiff_t>(a * D + r) * stride + b * D;
-          const int p = place(a, r);
-          for (int c = a == b ? r : 0; c < D; ++c) {
-            const int q = place(b, c);
-            to[static_cast<std::ptrdiff_t>(p < q ? p : q) * stride + (p < q ? q : p)] = row[c];
-          }
-        }
+  /// The first `count` unknowns of frames a and b, a <= b, are joined.
+  void join(int a, int b, int count, tiled_matrix& matrix) const {
+    for (int r = 0; r < count; ++r)
+      for (int c = 0; c < count; ++c) matrix.join(place(a, r), place(b, c));
+  }
+  /// Puts their block there, of which only the upper triangle is read where a == b.
+  /// \param from  row-major, `stride` numbers from row to row
+  void put(int a, int b, int count, const double* from, std::ptrdiff_t stride, tiled_matrix& matrix) const {
+    for (int r = 0; r < count; ++r) {
+      const double* const row = from + r * stride;
+      const int p = place(a, r), begin = a == b ? r : 0, middle = begin < V ? V : begin;
+      put_run(p, place(b, begin), (count < V ? count : V) - begin, row + begin, matrix);
+      if (count > middle) put_run(p, place(b, middle), count - middle, row + middle, matrix);
+    }
   }
   /// A vector into this order.
   void vector(const double* from, double* to) const {
@@ -46,6 +49,17 @@ struct unknown_order {
   void restore(const double* from, double* to) const {
     for (int f = 0; f < frames; ++f)
       for (int u = 0; u < D; ++u) to[f * D + u] = from[place(f, u)];
+  }
+
+ private:
+  /// Elements of place p with places that follow each other from q on, all on one side of p.
+  static void put_run(int p, int q, int count, const double* from, tiled_matrix& matrix) {
+    for (int c = 0; c < count;) {
+      constexpr int tile = tiled_matrix::tile;
+      const int left = tile - (q + c) % tile, end = c + left < count ? c + left : count, step = q < p ? tile : 1;
+      double* to = q < p ? &matrix.at(p, q + c) : &matrix.at(q + c, p);
+      for (; c < end; ++c, to += step) *to = from[c];
+    }
   }
 };
 
