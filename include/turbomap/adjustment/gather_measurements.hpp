@@ -10,6 +10,7 @@
 
 #include "../camera/rig_camera.hpp"
 #include "../config.hpp"
+#include "../math/pack.hpp"
 #include "../parallel.hpp"
 #include "../store/keyframe_view.hpp"
 #include "../types.hpp"
@@ -26,6 +27,7 @@ struct measurement_rows {
   vec3<double>* pixel;                              ///< [row]: u, v, u_right (< 0: none)
   double* information;                              ///< [row]: 1 / sigma2
   std::uint8_t* camera;                             ///< [row], in the rig of the frame
+  int count;                                        ///< of rows
 };
 
 /// Index = row.
@@ -35,6 +37,16 @@ struct gather_measurement {
 
   /// One row.
   TURBOMAP_HD void operator()(int row) const {
+#if TURBOMAP_VECTOR_BYTES > 0
+    constexpr int ahead = 16;  // rows are in the order of points, so their keypoints lie anywhere
+    if (row + ahead < rows.count) {
+      const auto& later = rows.frames[rows.frame[row + ahead]];
+      const int k = rows.keypoint[row + ahead];
+      prefetch(later.pixel + k, 1), prefetch(later.octave + k, 1);
+      if (later.u_right != nullptr) prefetch(later.u_right + k, 1);
+      if (later.camera != nullptr) prefetch(later.camera + k, 1);
+    }
+#endif
     const auto& view = rows.frames[rows.frame[row]];
     const int k = rows.keypoint[row];
     const vec2<float> z = view.pixel[k];

@@ -71,16 +71,7 @@ class adjustment_window {
   /// In all O(observations of the points of the free keyframes).
   template <class Policy>
   bool read(const mapping_scope<Map, Policy>& s, std::size_t most) {
-    for (; next_frame_ < local_ && most > 0; ++next_frame_, next_slot_ = 0) {
-      if (!traits::alive(s.map, frames_[next_frame_])) continue;  // erased between two calls
-      if (next_slot_ == 0) slots_ = list_points_of(s.map, next_frame_);
-      const std::size_t begin = next_slot_;
-      next_slot_ = slots_ - begin < most ? slots_ : begin + most;
-      add_listed(s.map, s.stored, next_frame_, begin, next_slot_, true, s.faults);
-      most -= next_slot_ - begin;
-      if (next_slot_ < slots_) return true;
-    }
-    if (next_frame_ < local_) return true;
+    if (read_slots(s.map, most, [&](const point& p) { add_point(s.map, s.stored, p, true, s.faults); })) return true;
     if (local_ > 0) hold_something(local_);
     return false;
   }
@@ -181,11 +172,27 @@ class adjustment_window {
     rows_landmark_.push_back(static_cast<std::int32_t>(number));
     rows_keypoint_.push_back(static_cast<std::int32_t>(keypoint));
   }
+  /// Calls visit(point) with points of the frames that move: the next `most` slots, less what was read. \return whether some are left
+  template <class Visit>
+  bool read_slots(const Map& map, std::size_t& most, Visit visit) {
+    for (; next_frame_ < local_ && most > 0; ++next_frame_, next_slot_ = 0) {
+      if (!traits::alive(map, frames_[next_frame_])) continue;  // erased between two calls
+      if (next_slot_ == 0) slots_ = list_points_of(map, next_frame_);
+      const std::size_t begin = next_slot_;
+      next_slot_ = slots_ - begin < most ? slots_ : begin + most;
+      visit_listed(map, next_frame_, begin, next_slot_, visit);
+      most -= next_slot_ - begin;
+      if (next_slot_ < slots_) return true;
+    }
+    return next_frame_ < local_;
+  }
+
+ private:
   /// \param hold  keyframes that come in with them are fixed; else only the origin is
   void add_points_of(const Map& map, const handle_table& stored, std::size_t f, bool hold, fault_sink faults) {
-    add_listed(map, stored, f, 0, list_points_of(map, f), hold, faults);
+    visit_listed(map, f, 0, list_points_of(map, f), [&](const point& p) { add_point(map, stored, p, hold, faults); });
   }
-  /// \return how many slots of frame f add_listed() has to look at
+  /// \return how many slots of frame f visit_listed() has to look at
   std::size_t list_points_of(const Map& map, std::size_t f) {
     const std::size_t keypoints = keypoint_count_of(map, frames_[f]);
     if constexpr (point_numbering<Map>::indexed) {
@@ -201,17 +208,17 @@ class adjustment_window {
       return keypoints;
     }
   }
-  /// Takes in the points of the listed slots [begin, end).
-  void add_listed(const Map& map, const handle_table& stored, std::size_t f, std::size_t begin, std::size_t end,
-                  bool hold, fault_sink faults) {
+  /// The points of the listed slots [begin, end).
+  template <class Visit>
+  void visit_listed(const Map& map, std::size_t f, std::size_t begin, std::size_t end, Visit visit) {
     const auto at = [&](std::size_t i) {
       if constexpr (point_numbering<Map>::indexed)
         return unplaced_[begin + i];
       else
         return traits::point_at(map, frames_[f], begin + i);
     };
-    for_each_ahead<point_data::entry + point_data::views>(
-        map, end - begin, at, [&](std::size_t, const point& p) { add_point(map, stored, p, hold, faults); });
+    for_each_ahead<point_data::entry + point_data::views>(map, end - begin, at,
+                                                          [&](std::size_t, const point& p) { visit(p); });
   }
   /// Adds a point and all of its observations, unless it is there.
   void add_point(const Map& map, const handle_table& stored, point p, bool hold, fault_sink faults) {
@@ -232,6 +239,7 @@ class adjustment_window {
     fixed_[oldest] = 1;
   }
 
+ protected:
   keyframe_selection<Map> frames_;             ///< the keyframes, fixed ones included
   plain_vector<std::uint8_t> fixed_;           ///< 1: does not move; by frame
   plain_vector<std::size_t> keypoint_counts_;  ///< by frame

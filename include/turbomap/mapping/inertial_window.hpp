@@ -14,6 +14,7 @@
 #include "../inertial/inertial_frame.hpp"
 #include "../map/inertial_traits.hpp"
 #include "../map/map_traits.hpp"
+#include "../map/read_ahead.hpp"
 #include "../plain_vector.hpp"
 #include "adjustment_window.hpp"
 #include "inertial_adjustment_options.hpp"
@@ -68,21 +69,25 @@ class inertial_window : public adjustment_window<Map> {
   /// In all O(observations of the points of the frames that move).
   template <class Policy>
   bool read(const mapping_scope<Map, Policy>& s, std::size_t most) {
-    for (; this->next_frame_ < this->local_; ++this->next_frame_, this->next_slot_ = 0) {
-      const keyframe k = this->frames_[this->next_frame_];
-      const std::size_t keypoints = traits::alive(s.map, k) ? keypoint_count_of(s.map, k) : 0;
-      for (; this->next_slot_ < keypoints; ++this->next_slot_, --most) {
-        if (most == 0) return true;
-        take_point(s, traits::point_at(s.map, k, this->next_slot_));
-      }
-    }
-    for (; next_observed_ < this->points_.size() && observers_ < most_observers_; ++next_observed_, --most) {
+    if (this->read_slots(s.map, most, [&](const point& p) { take_point(s, p); })) return true;
+    const auto next = [&](std::size_t& first, std::size_t limit, const auto& visit) {
+      const std::size_t left = this->points_.size() - first, read = left < limit ? left : limit;
+      for_each_ahead<point_data::entry + point_data::views>(
+          s.map, read, [&](std::size_t i) { return this->points_[first + i]; },
+          [&](std::size_t i, const point& p) { visit(first + i, p); });
+      first += read, most -= read;
+    };
+    constexpr std::size_t some = 256;  // points between two looks whether there are observers enough
+    while (next_observed_ < this->points_.size() && observers_ < most_observers_) {
       if (most == 0) return true;
-      observers_ += take_observer(s, this->points_[next_observed_]);
+      next(next_observed_, most < some ? most : some, [&](std::size_t, const point& p) {
+        if (observers_ < most_observers_) observers_ += take_observer(s, p);
+      });
     }
-    for (; next_landmark_ < this->points_.size(); ++next_landmark_, --most) {
+    if (next_landmark_ < this->points_.size()) {
       if (most == 0) return true;
-      take_rows(s, next_landmark_);
+      next(next_landmark_, most, [&](std::size_t l, const point&) { take_rows(s, l); });
+      if (next_landmark_ < this->points_.size()) return true;
     }
     const rigid_transform<double>* T_cw = this->frames_.T_cw().begin();
     for (std::size_t f = chain_; f < this->frames_.size(); ++f) {

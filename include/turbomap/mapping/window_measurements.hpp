@@ -149,7 +149,7 @@ class window_measurements {
 
     measurement_rows<descriptor, camera> out{
         views.resident(block), frame.resident(block), keypoint.resident(block), table.resident(block), pixel,
-        information,           camera_of_row};
+        information,           camera_of_row,         static_cast<int>(rows)};
     if constexpr (!on_host) {  // they stay: an adjustment reads them there
       resident_pixel_.resize_discard(rows), resident_information_.resize_discard(rows);
       out.pixel = resident_pixel_.data(), out.information = resident_information_.data();
