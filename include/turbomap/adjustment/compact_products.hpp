@@ -103,7 +103,7 @@ template <int Count, class A, int N>
 
 /// The sums of the lanes of nine packs.
 template <class A, int N>
-TURBOMAP_HD inline mat3<double> sum_lanes(const pack<A, N> (&x)[9]) {
+TURBOMAP_HD inline mat3<double> matrix_of_sums(const pack<A, N> (&x)[9]) {
   mat3<double> r;
   for (int i = 0; i < 9; ++i) r.m[i] = static_cast<double>(sum(x[i]));
   return r;
@@ -158,9 +158,9 @@ struct compact_products {
     const double* from = s.centres + static_cast<std::ptrdiff_t>(f) * landmark_stride;
     const double* to = s.centres + static_cast<std::ptrdiff_t>(g) * landmark_stride;
     const vec3<double> step{from[0] - to[0], from[1] - to[1], from[2] - to[2]};  // q of the second frame is q + step
-    const mat3<double> M = detail::sum_lanes(sums.M), X = detail::sum_lanes(sums.X);
-    const mat3<double> Y = detail::sum_lanes(sums.Y) + detail::times_cross_transposed(M, step);
-    const mat3<double> W = detail::sum_lanes(sums.W) + detail::times_cross_transposed(X, step);
+    const mat3<double> M = detail::matrix_of_sums(sums.M), X = detail::matrix_of_sums(sums.X);
+    const mat3<double> Y = detail::matrix_of_sums(sums.Y) + detail::times_cross_transposed(M, step);
+    const mat3<double> W = detail::matrix_of_sums(sums.W) + detail::times_cross_transposed(X, step);
     turn(f, g, M, X, Y, W, product);
   }
 
@@ -179,8 +179,8 @@ struct compact_products {
       sums.add(k, k);
       sums.add_right(k);
     }
-    mat3<double> M = detail::sum_lanes(sums.M), W = detail::sum_lanes(sums.W);
-    const mat3<double> X = detail::sum_lanes(sums.X);
+    mat3<double> M = detail::matrix_of_sums(sums.M), W = detail::matrix_of_sums(sums.W);
+    const mat3<double> X = detail::matrix_of_sums(sums.X);
     M(0, 1) = M(1, 0), M(0, 2) = M(2, 0), M(1, 2) = M(2, 1);
     W(0, 1) = W(1, 0), W(0, 2) = W(2, 0), W(1, 2) = W(2, 1);
     turn(f, f, M, X, transpose(X), W, product);
