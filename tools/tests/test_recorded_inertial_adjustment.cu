@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <string>
 #include <vector>
 
 #include "recorded_adjustment_cases.hpp"
@@ -95,9 +96,10 @@ TEST_CASE("recorded visual-inertial problems are adjusted as on the host, and th
                             std::abs(a.frames[f].T_cw.tz - host.frames[f].T_cw.tz)});
         }
         CHECK(apart <= (numbers == precision::float64 ? 1e-9 : 1e-3));
-        MESSAGE(r.meta.model, ' ', iteration, numbers == precision::float64 ? " float64: " : " mixed: ", a.ms, " ms, ",
-                s->optimised, " keyframes, ", p.visual.data.points.size(), " points, ", a.summary.iterations,
-                " iterations; off the host's by ", apart);
+        const std::string name = numbers == precision::float64 ? "float64" : "mixed";
+        MESSAGE(r.meta.model, " ", iteration, " ", name, ": ", a.ms, " ms, ", s->optimised, " keyframes, ",
+                p.visual.data.points.size(), " points, ", a.summary.iterations, " iterations; off the host's by ",
+                apart);
       }
     }
   });
