@@ -426,6 +426,10 @@ class local_mapper {
     }
     due_.changed(culling_.touched());
   }
+  /// Of a keyframe that leaves the map: its successor's begins earlier. Without an IMU there is none.
+  void merge_motion([[maybe_unused]] const stage_keyframe& leaving) {
+    if constexpr (inertial) stage_adjustment::erasing(working_.get(), leaving);
+  }
   void cull_covisible(stage_keyframe current, const scope& s) {
     keyframe_culling_options options = options_.keyframe_culling;
     if constexpr (inertial) {
@@ -447,9 +451,7 @@ class local_mapper {
             [this](const stage_keyframe& redundant) {
               if (hooks_.erasing) hooks_.erasing(working_.name(redundant));
             },
-            [this]([[maybe_unused]] const stage_keyframe& leaving) {
-              if constexpr (inertial) stage_adjustment::erasing(working_.get(), leaving);
-            },
+            [this](const stage_keyframe& leaving) { merge_motion(leaving); },
             [this](std::uint64_t id) {
               report_.keyframes_culled.push_back(id);
               if (stored().contains(id)) remove(id);
