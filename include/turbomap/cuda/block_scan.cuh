@@ -3,8 +3,7 @@
 #pragma once
 
 /// \file
-/// Sums over the threads of a block that come before each of them (prefix sums), of whole numbers and of flags; and who is the last
-/// block of a grid, which can then go on with what all of them wrote.
+/// Sums over the threads of a block that come before each of them (prefix sums), of whole numbers and of flags.
 
 #include "../config.hpp"
 #include "warp.cuh"
@@ -28,18 +27,6 @@ __device__ inline void sum_warps(T of_this_warp, T& before, T& all) {
 }
 
 }  // namespace detail
-
-/// Whether all other blocks of the grid have called this: one of them is told so. What the others wrote before is read with
-/// __ldcg(), past this multiprocessor's own cache. All threads of the block take part. \param arrived  0 before the kernel
-__device__ inline bool is_last_block(unsigned* arrived) {
-  __shared__ bool last;
-  __threadfence();  // what this thread wrote is seen before the count is
-  __syncthreads();
-  if (threadIdx.x == 0) last = atomicAdd(arrived, 1U) + 1 == gridDim.x;
-  __syncthreads();
-  __threadfence();
-  return last;
-}
 
 /// The sums of `mine` over the threads before this one, and over all. All `Threads` threads of the block take part.
 template <int Threads, class T>

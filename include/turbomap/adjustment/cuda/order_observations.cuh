@@ -12,6 +12,7 @@
 
 #include "../../config.hpp"
 #include "../../cuda/block_scan.cuh"
+#include "../../cuda/last_block.cuh"
 #include "../../cuda/warp.cuh"
 #include "../../parallel.hpp"
 #include "../order_observations.hpp"
