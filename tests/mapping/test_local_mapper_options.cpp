@@ -48,7 +48,8 @@ TEST_CASE("accurate: links are looked for again, and scales that hang on few poi
   const auto o = local_mapper_options::monocular().accurate();
   CHECK(local_mapper_options().extra_rounds == 0);
   CHECK(o.extra_rounds == 2);
-  CHECK(local_mapper_options().adjustment.solve.damping == turbomap::damping_rule::identity);
+  CHECK(local_mapper_options().adjustment.solve.slow_iterations == 1);
+  CHECK(o.adjustment.solve.slow_iterations == 3);
   CHECK(o.adjustment.solve.damping == turbomap::damping_rule::diagonal);
   CHECK(o.adjustment.solve.max_iterations == 20);
   CHECK(o.adjustment.solve.min_relative_decrease == 1e-5);
@@ -64,7 +65,7 @@ TEST_CASE("balanced: the gates of accurate, one round, and more observers before
   CHECK(o.covariances);
   CHECK_FALSE(o.fusion.covariances);
   CHECK(o.extra_rounds == 0);
-  CHECK(o.adjustment.solve.damping == turbomap::damping_rule::identity);
+  CHECK(o.adjustment.solve.slow_iterations == 1);
   CHECK(o.enabled[mapping_stage::keyframe_culling]);
   CHECK(o.keyframe_culling.observers == 8);
   CHECK(o.keyframe_culling.max_depth == 4.4F);

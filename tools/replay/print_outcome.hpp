@@ -49,6 +49,9 @@ inline void print_outcome(const nlohmann::json& json, const std::vector<stage_sa
       "culled\n",
       count("points_created"), count("points_culled"), count("duplicates_merged"), count("observations_added"),
       count("keyframes_culled"));
+  if (count("adjustments") != 0)
+    std::printf("%zu adjustments of %.2f iterations\n", count("adjustments"),
+                static_cast<double>(count("adjustment_iterations")) / static_cast<double>(count("adjustments")));
   if (count("skipped") != 0 || count("cut") != 0)
     std::printf("%zu keyframes with stages skipped because more waited, %zu cut by the deadline\n", count("skipped"),
                 count("cut"));

@@ -145,6 +145,7 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
   const turbomap::timing_table timing = turbomap::read_timing(arguments.recording);
   const std::vector<stage_samples> stages = stages_of(rows, timing);
   std::size_t skipped = 0, cut = 0, keyframes_culled = 0, points_culled = 0, created = 0, matches = 0;
+  std::size_t adjustments = 0, adjustment_iterations = 0;
   turbomap::fusion_summary fused;
   turbomap::creation_summary creation;
   turbomap::per_stage<std::size_t> skipped_stages;
@@ -165,6 +166,8 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
     creation.known += row.report.creation.known;
     creation.views_left_out += row.report.creation.views_left_out;
     fused += row.report.fused;
+    const std::size_t iterations = static_cast<std::size_t>(row.report.adjustment.solve.iterations);
+    adjustments += iterations > 0 ? 1 : 0, adjustment_iterations += iterations;
   }
   o.good = result.faults == 0;
   o.json = {{"recording", arguments.recording.string()},
@@ -185,6 +188,8 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
             {"views_left_out", creation.views_left_out},
             {"points_culled", points_culled},
             {"keyframes_culled", keyframes_culled},
+            {"adjustments", adjustments},
+            {"adjustment_iterations", adjustment_iterations},
             {"duplicates_merged", fused.merged},
             {"observations_added", fused.observations_added},
             {"fusion_conflicts", fused.conflicts},

@@ -116,7 +116,7 @@ class levenberg_marquardt {
       summary_.each.push_back(it);
       if (end != accepted) return end;
       slow_ = before - cost < options_.min_relative_decrease * before ? slow_ + 1 : 0;
-      if (options_.min_relative_decrease > 0 && slow_ >= options_.slow_iterations) return adjustment_end::converged;
+      if (slow_ >= options_.slow_iterations) return adjustment_end::converged;
     }
     return adjustment_end::max_iterations;
   }
@@ -172,7 +172,9 @@ class levenberg_marquardt {
           control.lambda = first_lambda();
           continue;
         }
-        if (!step.evaluated) step.cost = equations_.evaluate(data_.estimate.trial(), more && hopeful_);
+        if (!step.evaluated)
+          step.cost =
+              equations_.evaluate(data_.estimate.trial(), more && hopeful_ && step.predicted >= ending_gain(cost));
         hopeful_ = control.accepts(cost, step.cost, step.predicted);
         if (summary_.accepted == 0 && it.steps == 1) data_.workspace.begins_well = hopeful_;
         if (hopeful_) {
@@ -216,8 +218,7 @@ class levenberg_marquardt {
     if (ahead && Data::reprojections_only && solver.solves_there()) {
       parts.next_lambda = next_lambda_, parts.control = control, parts.cost_before = cost;
       parts.least_predicted = options_.min_predicted_decrease * cost;
-      const bool last = options_.min_relative_decrease > 0 && slow_ + 1 >= options_.slow_iterations;
-      parts.least_decrease = last ? options_.min_relative_decrease * cost : 0;
+      parts.least_decrease = ending_gain(cost);
     }
     const auto next = [&] {
       if (parts.next_lambda == nullptr) return equations_.now().form(ctx_, to);
@@ -241,6 +242,10 @@ class levenberg_marquardt {
   }
   std::size_t gain_count() const { return static_cast<std::size_t>(landmark_gain_count(data_.structure.landmarks)); }
 
+  /// An iteration from this cost that gains less is the last one.
+  double ending_gain(double cost) const {
+    return slow_ + 1 >= options_.slow_iterations ? options_.min_relative_decrease * cost : 0;
+  }
   bool stopped() const { return options_.stop(); }
   bool out_of_time() const {
     return options_.time_budget_ms > 0 &&

@@ -33,7 +33,7 @@ inline constexpr double default_pivot_tolerance = 1e-13;
 
 /// What is added to the normal equations H to make a step shorter.
 enum class damping_rule : std::uint8_t {
-  identity,  ///< H + lambda I [g2o]: depends on the units; local_adjustment's rule, that of [ORB-SLAM3]
+  identity,  ///< H + lambda I [g2o, ORB-SLAM3]: depends on the units
   diagonal   ///< H + lambda diag(H) [Marquardt 1963; Ceres]: unknowns of any units and scales
 };
 

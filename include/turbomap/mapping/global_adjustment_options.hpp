@@ -12,9 +12,8 @@ namespace turbomap {
 /// Options of global_adjustment. Those that choose the window (shared points) have no effect.
 struct global_adjustment_options : local_adjustment_options {
   global_adjustment_options() {
-    solve.damping = adjustment_options().damping;  // far from linear at the scale of a map
     solve.max_iterations = 50;  // drift of a whole round goes out slowly: far more than a local window needs. Ours
-    solve.min_relative_decrease = 1e-6;  // three slow iterations in a row end it: 1e-4 left a third of a bend. Ours
+    solve.min_relative_decrease = 1e-6, solve.slow_iterations = 3;  // 1e-4 left a third of a bend. Ours
   }
 };
 

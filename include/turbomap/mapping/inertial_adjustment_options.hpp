@@ -10,7 +10,7 @@
 namespace turbomap {
 
 /// Options of inertial_adjustment. Defaults are those of [ORB-SLAM3] unless a comment says otherwise. What they have in common
-/// with visual adjustments is in local_adjustment_options: scales, gates, correlation, precision, stop, deadline.
+/// with visual adjustments is in local_adjustment_options: scales, gates, correlation, precision, the end, stop, deadline.
 struct inertial_adjustment_options {
   inertial_window_options window;                           ///< where tracking is not strong
   inertial_window_options large = large_inertial_window();  ///< where tracking is strong

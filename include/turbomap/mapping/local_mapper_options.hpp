@@ -115,10 +115,9 @@ struct local_mapper_options {
   local_mapper_options accurate() const {
     local_mapper_options o = balanced();
     o.fusion.covariances = true;
-    // A scale that hangs on few points is a direction of little curvature: lambda I holds it, and so do few steps.
-    o.adjustment.solve.damping = damping_rule::diagonal;
+    // A scale that hangs on few points is a direction of little curvature: few steps do not bring it back.
     o.adjustment.solve.max_iterations = 20;
-    o.adjustment.solve.min_relative_decrease = 1e-5;
+    o.adjustment.solve.min_relative_decrease = 1e-5, o.adjustment.solve.slow_iterations = 3;
     o.extra_rounds = 2;
     o.keyframe_culling = keyframe_culling;
     o.enabled[mapping_stage::keyframe_culling] = false;
