@@ -17,6 +17,7 @@
 #include <mutex>
 #include <set>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "inertial_adjustment_cases.hpp"
@@ -321,6 +322,47 @@ TEST_CASE("outliers leave the map; near points have a wider gate") {
   const auto on = inertial_run<sequential>(sequential{}, u)(13, tight).outliers;
   CHECK(on < off);
   CHECK(inertial_run<sequential>(sequential{}, v)(13, wide).outliers < on);
+}
+
+TEST_CASE("by default a window ends near its optimum in fewer iterations than published, with either damping") {
+  local_adjustment_options published;
+  published.use_published_steps();
+  int iterations = 0, iterations_published = 0, other_states = 0;
+  for (const unsigned seed : {1U, 2U, 3U, 4U}) {
+    CAPTURE(seed);
+    const auto adjusted = [&](const local_adjustment_options& options, const inertial_adjustment_options& inertial,
+                              std::string& state) {
+      inertial_map_scene s({14, 20, seed});
+      const auto solve = inertial_run<sequential>(sequential{}, s)(13, options, inertial).solve;
+      state = s.state();
+      return solve;
+    };
+    auto inertial = window_of(10), diagonal = inertial, endless = inertial;
+    diagonal.window.initial_lambda = 0, endless.window.iterations = 100;
+    std::string state, state_diagonal, unused;
+    const double least = adjusted(exact(), endless, unused).cost_final;
+    const auto ours = adjusted({}, inertial, state), scaled = adjusted({}, diagonal, state_diagonal);
+    for (const auto& a : {ours, scaled}) {
+      CHECK(a.end == adjustment_end::converged);
+      CHECK(a.cost_final < (1 + 1e-3) * least);
+    }
+    other_states += state == state_diagonal ? 0 : 1;
+    iterations += ours.iterations, iterations_published += adjusted(published, inertial, unused).iterations;
+  }
+  CHECK(iterations < iterations_published);
+  CHECK(other_states == 4);
+}
+
+TEST_CASE("a time budget ends an adjustment that runs, and what it found is written") {
+  inertial_map_scene s;
+  const auto before = s.state();
+  local_adjustment_options options;
+  options.solve.time_budget_ms = 1e-6;
+  const auto summary = inertial_run<sequential>(sequential{}, s)(13, options, window_of(10));
+  CHECK(summary.solve.end == adjustment_end::time_budget);
+  CHECK(summary.solve.iterations == 1);
+  CHECK(summary.solve.accepted == 1);
+  CHECK(s.state() != before);
 }
 
 TEST_CASE("before the IMU is initialised it is a local adjustment") {

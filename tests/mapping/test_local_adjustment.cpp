@@ -198,6 +198,33 @@ TEST_CASE("the defaults end nearer the optimum than the published steps, in fewe
   CHECK(iterations * 5 <= iterations_published * 3);
 }
 
+TEST_CASE("the unit of length does not matter") {
+  local_scene<flat_map> metres, millimetres;
+  const auto scale = [](auto& x) { x *= 1000; };
+  for (auto& camera : millimetres.rig) {
+    auto& T = camera.T_camera_body;
+    scale(camera.bf), scale(T.tx), scale(T.ty), scale(T.tz);
+  }
+  for (const auto& k : millimetres.keyframes) {
+    auto T = millimetres.map.T_cw(k);
+    scale(T.tx), scale(T.ty), scale(T.tz);
+    millimetres.map.set_pose(k, T);
+  }
+  for (const auto& p : millimetres.points) {
+    auto x = turbomap::map_traits<flat_map>::position(millimetres.map, p);
+    scale(x.x), scale(x.y), scale(x.z);
+    turbomap::map_traits<flat_map>::set_position(millimetres.map, p, {x.x, x.y, x.z});
+  }
+  local_adjustment_options options;
+  options.solve.numbers = turbomap::precision::float64;
+  const auto in_metres = adjust_around(sequential{}, metres, 6, options);
+  const auto in_millimetres = adjust_around(sequential{}, millimetres, 6, options);
+  REQUIRE(in_metres.solve.accepted > 1);
+  CHECK(in_millimetres.solve.iterations == in_metres.solve.iterations);
+  CHECK(in_millimetres.solve.cost_final == doctest::Approx(in_metres.solve.cost_final).epsilon(1e-6));
+  CHECK(in_millimetres.outliers == in_metres.outliers);
+}
+
 TEST_CASE("outliers are beyond the factor, which changes nothing else") {
   local_recipe recipe;
   recipe.pixel_noise = 1;

@@ -48,6 +48,7 @@ TEST_CASE("accurate: links are looked for again, and scales that hang on few poi
   const auto o = local_mapper_options::monocular().accurate();
   CHECK(local_mapper_options().extra_rounds == 0);
   CHECK(o.extra_rounds == 2);
+  CHECK(local_mapper_options().adjustment.solve.damping == turbomap::damping_rule::diagonal);
   CHECK(local_mapper_options().adjustment.solve.slow_iterations == 1);
   CHECK(o.adjustment.solve.slow_iterations == 3);
   CHECK(o.adjustment.solve.damping == turbomap::damping_rule::diagonal);

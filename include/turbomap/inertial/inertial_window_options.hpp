@@ -12,7 +12,7 @@ namespace turbomap {
 struct inertial_window_options {
   int keyframes = 10;         ///< the last ones in time, that move
   int iterations = 10;        ///< of their adjustment
-  double initial_lambda = 1;  ///< of it, under damping_rule::identity
+  double initial_lambda = 1;  ///< of it, under damping_rule::identity; 0: damped as the adjustment_options say
   /// Of the information of the oldest edge: it leans on a keyframe that does not move any more.
   double oldest_edge_weight = 1e-2;
   double robust_chi2 = 16.92;  ///< Huber's delta^2 of robust edges: 95 % of chi-square, nine degrees of freedom

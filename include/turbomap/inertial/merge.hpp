@@ -63,7 +63,8 @@ TURBOMAP_HD preintegration<S> append(const preintegration<S>& a, const preintegr
 }  // namespace detail
 
 /// The motion of `a` and then of `b`, which begins where a ends. Where they were integrated at different biases, b is
-/// taken to that of a first, to first order. Same result as integrating all samples at once, within rounding. O(1).
+/// taken to that of a first, to first order. Where they meet at a sample, the same result as integrating all samples at once,
+/// within rounding; between two samples, where both interpolate, noise and mean differ a little. O(1).
 template <class S>
 TURBOMAP_HD preintegration<S> merge(const preintegration<S>& a, const preintegration<S>& b) {
   return same_bias(a.bias, b.bias) ? detail::append(a, b) : detail::append(a, rebased(b, a.bias));

@@ -119,8 +119,8 @@ class inertial_adjustment {
                     measurements_.rows(window_, options), window_.edges().plain(factor_),
                     window_.edges().robust(factor_, used_), window_.edges().walks());
     adjustment_options solve = options.solve;
-    solve.damping = damping_rule::identity;  // what initial_lambda is for
-    solve.max_iterations = used_.iterations, solve.initial_lambda = used_.initial_lambda;
+    solve.max_iterations = used_.iterations;
+    if (used_.initial_lambda > 0) solve.damping = damping_rule::identity, solve.initial_lambda = used_.initial_lambda;
     summary.solve = adjust<Methods>(s.ctx, problem_, solve);
     if (summary.solve.accepted == 0) return false;
     problem_.template results<0>(s.ctx, states_, commit_.positions, commit_.chi2, commit_.depth);

@@ -14,7 +14,7 @@ namespace turbomap {
 
 /// Options of local_adjustment. Defaults are those of [ORB-SLAM3], but for its steps and its end: see the constructor.
 struct local_adjustment_options {
-  adjustment_options solve;    ///< of the solver; changed below as [ORB-SLAM3] has it
+  adjustment_options solve;    ///< of the solver; changed by the constructor
   pyramid scales;              ///< information of a keypoint: scale_factor^(-2 octave) px^-2
   int min_shared_points = 15;  ///< keyframes that share so many with the current one move with it
   /// Keyframes that share so many with one of those move too: where a place is seen again, the error of the way there is
