@@ -213,6 +213,8 @@ int main(int argc, char** argv) {
   app.add_flag("--published-steps", a.published_steps,
                "adjust around each keyframe with the steps of ORB-SLAM3: damped by the identity, ended by three slow "
                "iterations");
+  app.add_flag("--marginal-prior", a.marginal_prior,
+               "with an IMU: what a keyframe that leaves a window knew of the next one becomes a prior of that one");
   app.add_option("--stereo-correlation", a.stereo_correlation,
                  "of the errors of u and u_right, in adjustments; not given: as a simulated recording says, else "
                  "0.9835, as measured")

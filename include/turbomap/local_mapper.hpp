@@ -98,6 +98,7 @@ class local_mapper {
     working_.reset();
     probation_.clear(), due_.clear(), fusion_.clear(), culling_.clear(), points_.clear();
     watched_.clear(), moved_.clear(), changed_.clear();
+    if constexpr (inertial) adjustment_.forget();
     progress_ = {}, report_ = {}, iteration_ = 0;
   }
   /// Puts points that tracking made on probation.

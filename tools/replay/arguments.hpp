@@ -54,6 +54,7 @@ struct arguments {
   bool serial_fusion = false;          ///< fusion_mode::serial_exact
   std::string merges = "apart";        ///< merge_rule: refuse, apart or drop
   std::string numbers = "mixed";       ///< of adjustments: float64, mixed or float32
+  bool marginal_prior = false;         ///< of the keyframe before an inertial window
   bool published_steps = false;        ///< of local adjustments: those of [ORB-SLAM3]
   double stereo_correlation = -1;      ///< of the errors of u and u_right; negative: correlation() knows
   bool balanced = false;               ///< local_mapper_options::balanced()

@@ -95,6 +95,7 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording& 
                            : a.merges == "refuse" ? turbomap::merge_rule::refuse
                                                   : turbomap::merge_rule::refuse_apart;
   o.adjustment.solve.numbers = a.precision();
+  o.inertial.marginal_prior = a.marginal_prior;
   if (a.published_steps) o.adjustment.use_published_steps();
   o.adjustment.stereo_correlation = a.correlation(recording);
   o.adjustment.second_min_shared_points = a.second_shared;

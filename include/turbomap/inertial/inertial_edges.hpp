@@ -6,6 +6,7 @@
 /// The inertial edges of a window, as the groups of factors that a bundle_problem of inertial frames takes: those that count in
 /// full, those with a robust kernel, and the walks of the biases.
 
+#include <cstddef>
 #include <cstdint>
 
 #include "../adjustment/factors.hpp"
@@ -14,6 +15,7 @@
 #include "../plain_vector.hpp"
 #include "inertial_factors.hpp"
 #include "inertial_window_options.hpp"
+#include "marginal_prior.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -51,6 +53,25 @@ class inertial_edges {
     return true;
   }
 
+  /// What the IMU says of a frame that leaves and of the next one: adds the edges between them to `out`, with the
+  /// weights that their kernel gives them at these states. \return whether there is an inertial one that is defined
+  bool marginalise(std::int32_t first, std::int32_t second, const inertial_state<double>& leaves,
+                   const inertial_state<double>& stays, const inertial_factor& factor,
+                   const inertial_window_options& options, state_marginaliser& out) const {
+    bool found = false;
+    for_each_between(first, second, first_, second_,
+                     [&](std::size_t i) { found = out.add(factor, rows_[i], leaves, stays) || found; });
+    for_each_between(first, second, robust_first_, robust_second_, [&](std::size_t i) {
+      double e[inertial_factor::size], rho, weight;
+      factor.residual(leaves, stays, robust_rows_[i], e);
+      huber{options.robust_chi2}(detail::squared_length<inertial_factor::size>(e), rho, weight);
+      found = out.add(factor, robust_rows_[i], leaves, stays, weight) || found;
+    });
+    for_each_between(first, second, walk_first_, walk_second_,
+                     [&](std::size_t i) { out.add(bias_walk_factor{}, walks_[i], leaves, stays); });
+    return found;
+  }
+
   /// The edges that count in full; valid until edges are added.
   factors plain(const inertial_factor& factor) const { return {factor, first_, second_, rows_, {}, 1e6}; }
   /// The edges whose chi2 a Huber kernel of options.robust_chi2 bounds.
@@ -61,6 +82,13 @@ class inertial_edges {
   walk_factors walks() const { return {{}, walk_first_, walk_second_, walks_, {}, 1e6}; }
 
  private:
+  template <class Visit>
+  static void for_each_between(std::int32_t first, std::int32_t second, const plain_vector<std::int32_t>& firsts,
+                               const plain_vector<std::int32_t>& seconds, Visit visit) {
+    for (std::size_t i = 0; i < firsts.size(); ++i)
+      if (firsts[i] == first && seconds[i] == second) visit(i);
+  }
+
   plain_vector<std::int32_t> first_, second_, robust_first_, robust_second_, walk_first_, walk_second_;
   plain_vector<inertial_factor::row> rows_, robust_rows_;
   plain_vector<bias_walk_factor::row> walks_;

@@ -10,8 +10,11 @@
 
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 
 #include "../adjustment/factor_derivatives.hpp"
+#include "../adjustment/pose_information.hpp"
+#include "../adjustment/small_cholesky.hpp"
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../math/linear.hpp"
@@ -81,6 +84,24 @@ struct marginal_prior_factor {
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// What is known of a pose alone, as a prior of a frame, e.g. from what is seen from it.
+/// \param seen  at the pose of x   \return false: the pose is not determined
+inline bool make_pose_prior(const inertial_state<double>& x, const pose_information& seen,
+                            marginal_prior_factor::row& prior) {
+  double L[36], e[6], diagonal[6];
+  for (int i = 0, at = 0; i < 6; ++i)
+    for (int j = 0; j <= i; ++j, ++at) L[6 * i + j] = diagonal[i] = seen.H[at];
+  if (!factorise_small<6>(L, diagonal, 1e-12)) return false;
+  for (int i = 0; i < 6; ++i) e[i] = -seen.b[i];
+  solve_lower<6>(L, e);
+  prior = {x, {}, {}};
+  for (int i = 0; i < 6; ++i) {
+    prior.e[i] = e[i];
+    for (int j = i; j < 6; ++j) prior.R[15 * i + j] = L[6 * j + i];
+  }
+  return true;
+}
+
 /// Takes a frame out: add() every factor that goes with it, then prior() is what they say of the next frame.
 ///
 ///     state_marginaliser out;
@@ -89,12 +110,12 @@ TURBOMAP_BEGIN_NAMESPACE
 ///     out.add(bias_walk_factor{}, walk, oldest, next);
 ///     marginal_prior_factor::row prior = out.prior(next);
 ///
-/// Observations of landmarks that stay in the window are left out: with them every frame that sees one would be joined to all
-/// others.
+/// Landmarks that stay in the window are not marginalised: every frame that sees one would be joined to all others. What the frame saw
+/// of them says where it stood, with make_pose_prior().
 class state_marginaliser {
  public:
-  /// No factors; the memory stays.
-  void clear() { rows_.clear(); }
+  /// No factors. \param held  unknowns of the frame that leaves which are known, as bits of frame_input::held. The memory stays
+  void clear(std::uint32_t held = 0) { rows_.clear(), held_ = held; }
 
   /// A factor of the frame that leaves. \param weight  of its information, e.g. that of a robust kernel
   /// \return false: the factor is not defined there; nothing was added
@@ -142,7 +163,7 @@ class state_marginaliser {
     for (int r = 0; r < count; ++r) {
       matrix_row row;
       for (int c = 0; c < 15; ++c) {
-        row.x[c] = root * leaves[15 * r + c];
+        row.x[c] = (held_ >> c & 1U) != 0 ? 0 : root * leaves[15 * r + c];
         row.x[15 + c] = stays == nullptr ? 0 : root * stays[15 * r + c];
       }
       row.x[30] = root * e[r];
@@ -181,6 +202,7 @@ class state_marginaliser {
   }
 
   plain_vector<matrix_row> rows_;
+  std::uint32_t held_ = 0;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -11,16 +11,19 @@
 #include <cstdint>
 
 #include "../adjustment/levenberg_marquardt.hpp"
+#include "../adjustment/pose_information.hpp"
 #include "../adjustment/problem.hpp"
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../inertial/inertial_edges.hpp"
 #include "../inertial/inertial_factors.hpp"
 #include "../inertial/inertial_frame.hpp"
+#include "../inertial/marginal_prior.hpp"
 #include "../map/inertial_traits.hpp"
 #include "../math/number_checks.hpp"
 #include "../plain_vector.hpp"
 #include "adjustment_commit.hpp"
+#include "border_prior.hpp"
 #include "inertial_adjustment_options.hpp"
 #include "inertial_window.hpp"
 #include "local_adjustment.hpp"
@@ -117,7 +120,7 @@ class inertial_adjustment {
     measurements_.gather(s, window_, options.scales);
     problem_.assign(s.ctx, {window_.states(), window_.fixed(), window_.held()}, {window_.positions(), {}},
                     measurements_.rows(window_, options), window_.edges().plain(factor_),
-                    window_.edges().robust(factor_, used_), window_.edges().walks());
+                    window_.edges().robust(factor_, used_), window_.edges().walks(), prior_of_border());
     adjustment_options solve = options.solve;
     solve.max_iterations = used_.iterations;
     if (used_.initial_lambda > 0) solve.damping = damping_rule::identity, solve.initial_lambda = used_.initial_lambda;
@@ -134,7 +137,13 @@ class inertial_adjustment {
     local_adjustment_options gates = options;
     gates.near_depth = near_depth_;
     commit_(s, gates, summary, moving_frame{window_, states_});
+    if (!keeps_prior_ || summary.stale) return;
+    seen_.assign(window_.chain(), {});
+    sum_pose_information(measurements_.rows(window_, options), commit_.T_cw, commit_.positions, seen_);
+    border_.keep(window_, states_, seen_, factor_, used_);
   }
+  /// Nothing that was learnt in earlier windows is used in the next one.
+  void forget() { border_.forget(); }
 
   /// \name What a local_mapper in inertial mode asks for besides. The caller holds the guard
   /// @{
@@ -153,6 +162,9 @@ class inertial_adjustment {
   }
 
  private:
+  using edges = inertial_edges;
+  using border_factors = frame_factors<marginal_prior_factor>;
+
   /// The frames of the window. The caller holds the guard.
   void choose(const scope& s, keyframe current, const inertial_adjustment_options& inertial,
               local_adjustment_summary& summary) {
@@ -162,6 +174,8 @@ class inertial_adjustment {
     summary.stale = current == keyframe{} || !traits::alive(s.map, current);
     is_inertial_ = summary.inertial = !summary.stale && inertial_traits<Map>::initialised(s.map);
     if (summary.stale) summary.solve.end = adjustment_end::no_observations;
+    keeps_prior_ = inertial.marginal_prior;
+    if (!keeps_prior_ || (!summary.inertial && !summary.stale)) forget();
     if (!summary.inertial) return;
     s.stored.at(traits::id(s.map, current));  // throws when it is not there
     const auto& T_bc = inertial_traits<Map>::T_bc(s.map);
@@ -172,7 +186,13 @@ class inertial_adjustment {
     used_ = is_strong(s.map, current, inertial) ? inertial.large : inertial.window;
     used_.all_robust = used_.all_robust || !is_refined(s.map);
     near_depth_ = inertial.near_depth;
-    window_.choose(s, current, used_, inertial);
+    window_.choose(s, current, used_, inertial, keeps_prior_ ? &border_ : nullptr);
+  }
+  /// The factor of the border, if its velocity and biases are free.
+  border_factors prior_of_border() {
+    const std::size_t count = window_.prior() == nullptr ? 0 : 1;
+    border_frame_ = static_cast<std::int32_t>(window_.chain()) - 1;
+    return {{}, {&border_frame_, count}, {count == 0 ? nullptr : &window_.prior()->row, count}, {}, 1e6};
   }
   /// Velocity and biases of a free frame.
   struct moving_frame {
@@ -212,17 +232,18 @@ class inertial_adjustment {
     return seen >= options.strong_points;
   }
 
-  using edges = inertial_edges;
-
   local_adjustment<Map, Policy, Methods> visual_;
   inertial_window<Map> window_;
   inertial_window_options used_;
   inertial_factor factor_;
   double near_depth_ = 0;
-  bool is_inertial_ = false;
+  bool is_inertial_ = false, keeps_prior_ = false;
+  std::int32_t border_frame_ = 0;
+  border_prior border_;
+  plain_vector<pose_information> seen_;  ///< by frame of the chain
   window_measurements<Map, Policy> measurements_;
   bundle_problem<Policy, inertial_frame, reprojections<camera>, edges::factors, edges::robust_factors,
-                 edges::walk_factors>
+                 edges::walk_factors, border_factors>
       problem_;
   plain_vector<inertial_state<double>> states_;  ///< by frame, adjusted
   adjustment_commit<Map, Policy> commit_;

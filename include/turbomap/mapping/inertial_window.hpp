@@ -8,6 +8,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 
 #include "../config.hpp"
 #include "../inertial/inertial_edges.hpp"
@@ -17,6 +18,7 @@
 #include "../map/read_ahead.hpp"
 #include "../plain_vector.hpp"
 #include "adjustment_window.hpp"
+#include "border_prior.hpp"
 #include "inertial_adjustment_options.hpp"
 #include "look_again.hpp"
 #include "stage.hpp"
@@ -26,7 +28,8 @@ TURBOMAP_BEGIN_NAMESPACE
 /// An adjustment_window whose first frames, the *chain*, follow each other back in time from the current keyframe. The last of
 /// them is fixed: the keyframe before those that move. Where the map begins with them, the oldest one keeps its pose, and until
 /// there are options.fewest_edges its biases. While the estimates are young (refined() of the traits), it keeps its place alone: the
-/// map may turn until gravity points where the map says.
+/// map may turn until gravity points where the map says. Where a border_prior knows of the
+/// last one, it moves as well.
 template <class Map>
 class inertial_window : public adjustment_window<Map> {
   using base = adjustment_window<Map>;
@@ -44,23 +47,27 @@ class inertial_window : public adjustment_window<Map> {
   ///
   /// A motion that is not known, or cannot be used, is left out: the chain has a hole there. Frames that nothing inertial joins
   /// keep velocity and biases; where no fixed frame is before a hole's end, the biases of the first frame after it are held.
+  /// \param known  asked for what is known of the last frame; null: nothing is, it is fixed
   /// \throws inconsistent_map  as adjustment_window, and a motion, velocity or bias that is not finite, or a motion of another
   ///         duration than the time between its keyframes; where the scope notes faults, these are passed over
   template <class Policy>
   void choose(const mapping_scope<Map, Policy>& s, keyframe current, const inertial_window_options& window,
-              const inertial_adjustment_options& options) {
+              const inertial_adjustment_options& options, border_prior* known = nullptr) {
     clear();
     follow(s, current, static_cast<std::size_t>(window.keyframes));
     if (chain_ == 0) return;
+    const std::size_t border = chain_ - 1;
+    if (known != nullptr && !begins_ && usable_[border] != 0)
+      prior_ = known->of(this->frames_.ids()[border], this->frames_.T_cw()[border]);
     join(s, window, options);
-    if (begins_ && chain_ > 1) {
-      this->fixed_[chain_ - 1] = 0;
+    if (prior_ || (begins_ && border > 0)) this->fixed_[border] = 0;
+    if (begins_ && border > 0) {
       // Of a rotation gravity tells two parts, and heading is nobody's: nothing moves it.
       const bool told = joined_ >= static_cast<std::size_t>(options.fewest_edges), turns = told && !is_refined(s.map);
-      held_[chain_ - 1] |= turns ? inertial_frame::hold_centre : inertial_frame::hold_pose;
-      if (!told) held_[chain_ - 1] |= inertial_frame::hold_biases;
+      held_[border] |= turns ? inertial_frame::hold_centre : inertial_frame::hold_pose;
+      if (!told) held_[border] |= inertial_frame::hold_biases;
     }
-    this->local_ = chain_ - (this->fixed_[chain_ - 1] != 0 ? 1 : 0);
+    this->local_ = chain_ - (this->fixed_[border] != 0 ? 1 : 0);
     most_observers_ = static_cast<std::size_t>(options.most_observers);
   }
   /// Reads the points of the frames that move, other observers of them, and their observations: the next `most` slots or points.
@@ -107,6 +114,7 @@ class inertial_window : public adjustment_window<Map> {
     base::clear();
     states_.clear(), held_.clear(), usable_.clear();
     edges_.clear();
+    prior_.reset();
     chain_ = joined_ = 0, begins_ = false;
     observers_ = next_observed_ = next_landmark_ = 0;
   }
@@ -117,6 +125,8 @@ class inertial_window : public adjustment_window<Map> {
   const plain_vector<std::uint32_t>& held() const { return held_; }               ///< by frame: frame_input::held
   /// What the IMU measured between frames that follow each other, and how biases may walk.
   const inertial_edges& edges() const { return edges_; }
+  /// What is known of velocity and biases of the last frame of the chain; null: nothing beside its edge.
+  const border_prior::knowledge* prior() const { return prior_ ? &*prior_ : nullptr; }
 
  private:
   using inertial = inertial_traits<Map>;
@@ -158,13 +168,18 @@ class inertial_window : public adjustment_window<Map> {
     preintegration<double> motion;
     for (std::size_t f = 0; f + 1 < chain_; ++f) {
       if (!read_motion(s, f, options, motion)) continue;
-      const bool last = f + 2 == chain_, anchored = last && !begins_;
+      const bool last = f + 2 == chain_, anchored = last && !begins_ && !prior_;
       if (!edges_.add(static_cast<std::int32_t>(f + 1), static_cast<std::int32_t>(f), motion, anchored, window))
         continue;
       ++joined_;
       held_[f] = 0;
       held_[f + 1] = last ? 0 : inertial_frame::hold_biases;  // until the edge before it is found
     }
+    if (!prior_) return;
+    if (held_[chain_ - 1] != 0)
+      prior_.reset();  // no edge leads to it
+    else
+      held_[chain_ - 1] = prior_->held;
   }
   /// From frame f + 1 of the chain to f. False: it is not known, or cannot be used.
   template <class Policy>
@@ -212,6 +227,7 @@ class inertial_window : public adjustment_window<Map> {
   plain_vector<inertial_state<double>> states_;
   plain_vector<std::uint32_t> held_;
   inertial_edges edges_;
+  std::optional<border_prior::knowledge> prior_;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -1,0 +1,57 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What is seen from a frame says where it stands: the normal equations of its pose alone, landmarks taken as exact. For priors of
+/// frames that leave a window, whose landmarks stay.
+
+#include <cstddef>
+#include <cstdint>
+
+#include "../config.hpp"
+#include "../math/linear.hpp"
+#include "../plain_vector.hpp"
+#include "../span.hpp"
+#include "../types.hpp"
+#include "adjustment_camera.hpp"
+#include "factors.hpp"
+#include "pose_observations.hpp"
+
+TURBOMAP_BEGIN_NAMESPACE
+
+/// H step = b of a pose: a step as of pose_frame.
+struct pose_information {
+  double H[21] = {};  ///< lower triangle, row by row
+  double b[6] = {};   ///< the negative gradient
+};
+
+/// Sums the rows of the first frames, with the weights of their Huber kernels. Rows that are not defined are left out.
+/// \param T_cw       by frame, world to camera, at which rows are linearised
+/// \param landmarks  by landmark, world, m
+/// \param sums       as many as frames are asked for
+/// On the host, whatever the policy. O(rows)
+template <class Camera>
+void sum_pose_information(const reprojections<Camera, huber>& rows, span<const rigid_transform<double>> T_cw,
+                          span<const vec3<double>> landmarks, plain_vector<pose_information>& sums) {
+  plain_vector<adjustment_camera<Camera>> cameras;
+  for (int c = 0; c < rows.rig.size(); ++c)
+    cameras.push_back(adjustment_camera<Camera>(rows.rig[c], rows.stereo_correlation));
+  motion_only_options gates;
+  gates.mono_chi2 = rows.mono_kernel.delta2, gates.stereo_chi2 = rows.stereo_kernel.delta2;
+  for (std::size_t i = 0; i < rows.frame.size(); ++i) {
+    const auto f = static_cast<std::size_t>(rows.frame[i]);
+    if (f >= sums.size()) continue;
+    const pose_observations<Camera, true> one{cameras.data(),
+                                              &landmarks[static_cast<std::size_t>(rows.landmark[i])],
+                                              &rows.pixel[i],
+                                              &rows.information[i],
+                                              rows.camera.empty() ? nullptr : &rows.camera[i],
+                                              nullptr,
+                                              gates};
+    double rho;
+    one.template observe<true>(0, to_isometry<double>(T_cw[f]), {}, true, sums[f].H, sums[f].b, rho);
+  }
+}
+
+TURBOMAP_END_NAMESPACE
