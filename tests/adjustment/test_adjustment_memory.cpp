@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 // SPDX-License-Identifier: Apache-2.0
 
-// What adjustments allocate: nothing from the second time on; and what is left of a problem where there is no memory.
+// What adjustments allocate: nothing from the second time on, and no pairs for conjugate gradients; and what is left of a problem
+// where there is no memory.
 
 #include <doctest/doctest.h>
 
@@ -11,11 +12,12 @@
 #include <cfenv>
 #include <limits>
 #include <new>
-#include <type_traits>
 
 #include "adjustment_cases.hpp"
 #include "adjustment_factors.hpp"
+#include "pair_lists_cases.hpp"
 #include "support/counted_new.hpp"
+#include "support/policies.hpp"
 
 namespace {
 
@@ -25,7 +27,7 @@ using turbomap::adjustment_options;
 using turbomap::precision;
 using turbomap::reduced_solver;
 using turbomap::span;
-using sequential = std::decay_t<decltype(thrust::seq)>;
+using turbomap_test::sequential;
 using problem_type =
     turbomap::bundle_problem<sequential, pose_frame, turbomap::reprojections<scene_camera>,
                              turbomap::frame_factors<prior_factor>, turbomap::frame_pair_factors<odometry_factor>>;
@@ -100,6 +102,11 @@ TEST_CASE("an equally large problem, the second time: nothing is allocated but t
       CHECK(read - solved == 0);
       CHECK(accepted > 1);
     }
+}
+
+TEST_CASE_TEMPLATE("conjugate gradients list no pairs: memory grows with the observations", Policy,
+                   TURBOMAP_TEST_POLICIES) {
+  check_pcg_lists_no_pairs(Policy{}, std::pmr::new_delete_resource(), [] { return allocated_bytes.load(); });
 }
 
 TEST_CASE("no memory, at whichever allocation: assign() throws, the problem is empty, and works afterwards") {

@@ -10,6 +10,7 @@
 #include "adjustment_cases.hpp"
 #include "adjustment_factors.hpp"
 #include "adjustment_results.hpp"
+#include "pair_lists_cases.hpp"
 #include "support/stream.cuh"
 
 namespace {
@@ -115,6 +116,12 @@ TEST_CASE("factors of one's own") {
     check_as_host(device, run(sequential{}, solver));
     check_repeated(device, run(on.policy(), solver));
   }
+}
+
+TEST_CASE("conjugate gradients list no pairs: memory of the device grows with the observations") {
+  const stream on;
+  byte_counting_resource resource(turbomap::default_resource(turbomap::device_memory{}));
+  check_pcg_lists_no_pairs(on.policy(), &resource, [&] { return resource.bytes; });
 }
 
 TEST_CASE("chi2 and depth of every observation") {

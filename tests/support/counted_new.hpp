@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// Replaces operator new of a test program: every allocation is counted, and fails when the test says so. For one file of a
-/// program, which no other part may include.
+/// Replaces operator new of a test program: allocations and their bytes are counted, and they fail when the test says so. For one
+/// file of a program, which no other part may include.
 
 #include <atomic>
 #include <cstddef>
@@ -17,6 +17,7 @@ namespace turbomap_test {
 inline constexpr long no_limit = std::numeric_limits<long>::max();
 
 inline std::atomic<long> allocations{0};
+inline std::atomic<std::size_t> allocated_bytes{0};   ///< of all allocations, those that were given back included
 inline std::atomic<long> allocations_left{no_limit};  ///< until they fail
 
 /// Lets allocation number `n` from now on fail, and all after it until it is destroyed.
@@ -30,6 +31,7 @@ struct no_memory_after {
 inline void* counted_new(std::size_t bytes, std::size_t alignment) {
   if (allocations_left != no_limit && allocations_left-- <= 0) throw std::bad_alloc();
   ++allocations;
+  allocated_bytes += bytes;
   bytes = (bytes + alignment - 1) / alignment * alignment;
   void* memory = std::aligned_alloc(alignment, bytes == 0 ? alignment : bytes);
   if (memory == nullptr) throw std::bad_alloc();
