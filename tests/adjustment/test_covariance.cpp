@@ -13,7 +13,6 @@
 #include <string>
 #include <type_traits>
 
-#include "adjustment_factors.hpp"
 #include "adjustment_scene_oracle.hpp"
 #include "covariance_cases.hpp"
 #include "reference/eigen.hpp"
@@ -107,119 +106,19 @@ TEST_CASE("what was seen says how far off the estimate is") {  // scatter of opt
   CHECK(100 * scatter / rounds == doctest::Approx(covariance[3 * 6 + 3]).epsilon(0.3));
 }
 
-TEST_CASE("what the problem does not tell is not made up") {
-  const auto good = make_adjustment_scene(scene_kind::stereo, 5, 2, 25, 7);
-  auto s = good;
-  s.fixed.assign(s.fixed.size(), 0);
-  CHECK(covariance_of(sequential{}, s, {1}).empty());  // the gauge is free
-  s = make_adjustment_scene(scene_kind::mono, 5, 1, 25, 7);
-  CHECK(covariance_of(sequential{}, s, {1}).empty());  // ... or the scale
-  s = good;
-  for (std::size_t i = s.frame.size(); i-- > 0;)
-    if (s.frame[i] == 0) {
-      s.frame.erase(s.frame.begin() + static_cast<std::ptrdiff_t>(i));
-      s.landmark.erase(s.landmark.begin() + static_cast<std::ptrdiff_t>(i));
-      s.pixel.erase(s.pixel.begin() + static_cast<std::ptrdiff_t>(i));
-      s.information.erase(s.information.begin() + static_cast<std::ptrdiff_t>(i));
-      s.camera.erase(s.camera.begin() + static_cast<std::ptrdiff_t>(i));
-    }
-  CHECK(covariance_of(sequential{}, s, {0}).empty());           // a frame that sees nothing ...
-  CHECK_FALSE(covariance_of(sequential{}, s, {1, 2}).empty());  // ... takes nothing from the others
-  s = good;
-  s.points[3].x = std::numeric_limits<double>::quiet_NaN();
-  CHECK(covariance_of(sequential{}, s, {1}).empty());
-  s = good;
-  s.frame.clear(), s.landmark.clear(), s.pixel.clear(), s.information.clear(), s.camera.clear();
-  CHECK(covariance_of(sequential{}, s, {1}).empty());
+TEST_CASE_TEMPLATE("what the problem does not tell is not made up", Policy, TURBOMAP_TEST_POLICIES) {
+  check_not_made_up(Policy{});
 }
-
-/// A scene of `group` alone, and one prior of a frame.
-template <class List>
-bool covariance_with_prior(const adjustment_scene& s, std::int32_t of, double weight, const rigid_transform<double>& T,
-                           const std::vector<std::int32_t>& frames, List& result) {
-  turbomap::context<sequential> ctx{sequential{}};
-  turbomap::bundle_problem<sequential, pose_frame, turbomap::reprojections<scene_camera>,
-                           turbomap::frame_factors<prior_factor>>
-      problem(ctx);
-  const prior_factor::row row{T};
-  problem.assign(ctx, s.frame_input(), s.landmark_input(), s.group(), {{weight}, {&of, 1}, {&row, 1}, {}, 1e6});
-  return turbomap::frame_covariance(ctx, problem, turbomap::span<const std::int32_t>(frames), result);
+TEST_CASE_TEMPLATE("a scale that is free is not told by far points, and is by a weak prior", Policy,
+                   TURBOMAP_TEST_POLICIES) {
+  check_free_scale(Policy{});
 }
-
-TEST_CASE("a scale that is free is not told by far points, and is by a weak prior") {
-  for (unsigned seed = 0; seed < 120; ++seed) {
-    CAPTURE(seed);
-    auto s = make_adjustment_scene(scene_kind::mono, 6, 1, 40, seed);
-    for (auto& p : s.points) p = {100 * p.x, 100 * p.y, 100 * p.z};
-    CHECK(covariance_of(sequential{}, s, {1}).empty());
-    CHECK(covariance_of(sequential{}, s, {0, 3}).empty());
-  }
-  const auto s = make_adjustment_scene(scene_kind::mono, 6, 1, 40, 7);
-  std::vector<double> covariance;
-  REQUIRE(covariance_with_prior(s, 0, 1e-3, s.poses[0], {0}, covariance));  // sigma 1 km
-  const double sigma = std::sqrt(covariance[3 * 6 + 3] + covariance[4 * 6 + 4] + covariance[5 * 6 + 5]);
-  CHECK(sigma > 900);
-  CHECK(sigma < 1100);
+TEST_CASE_TEMPLATE("the answer is per frame", Policy, TURBOMAP_TEST_POLICIES) { check_answer_per_frame(Policy{}); }
+TEST_CASE_TEMPLATE("unknowns that are held are known", Policy, TURBOMAP_TEST_POLICIES) {
+  check_held_unknowns(Policy{});
 }
-
-TEST_CASE("the answer is per frame") {
-  for (unsigned seed = 0; seed < 40; ++seed) {  // two points: a frame may turn about the line through them
-    auto s = make_adjustment_scene(scene_kind::stereo, 5, 2, 25, seed);
-    auto two = s;
-    two.frame.clear(), two.landmark.clear(), two.pixel.clear(), two.information.clear(), two.camera.clear();
-    int kept = 0;
-    for (std::size_t i = 0; i < s.frame.size(); ++i) {
-      if (s.frame[i] == 0 && (s.pixel[i].z < 0 || ++kept > 2)) continue;
-      two.frame.push_back(s.frame[i]), two.landmark.push_back(s.landmark[i]), two.pixel.push_back(s.pixel[i]);
-      two.information.push_back(s.information[i]), two.camera.push_back(0);
-    }
-    REQUIRE(kept >= 2);
-    CHECK(covariance_of(sequential{}, two, {0}).empty());
-    CHECK_FALSE(covariance_of(sequential{}, two, {1, 2}).empty());
-  }
-  const auto s = make_adjustment_scene(scene_kind::stereo, 5, 2, 25, 7);
-  std::vector<double> some;
-  auto nowhere = s.poses[1];
-  nowhere.tx = std::numeric_limits<double>::quiet_NaN();
-  CHECK_FALSE(covariance_with_prior(s, 1, 1, nowhere, {0, 1, 4}, some));
-  REQUIRE(some.size() == 18 * 18);
-  const auto without = covariance_of(sequential{}, s, {0});
-  for (std::size_t r = 0; r < 18; ++r)
-    for (std::size_t c = 0; c < 18; ++c) {
-      const bool of_1 = r / 6 == 1 || c / 6 == 1, of_4 = r / 6 == 2 || c / 6 == 2;
-      CHECK(std::isnan(some[r * 18 + c]) == of_1);
-      if (of_4 && !of_1) CHECK(some[r * 18 + c] == 0);  // fixed
-      if (r < 6 && c < 6) CHECK(some[r * 18 + c] == doctest::Approx(without[r * 6 + c]).epsilon(1e-9));
-    }
-}
-
-TEST_CASE("unknowns that are held are known") {
-  const auto s = make_adjustment_scene(scene_kind::stereo, 4, 1, 25, 3);
-  std::vector<std::uint32_t> held(4, 0);
-  held[1] = 1U << 3;
-  turbomap::context<sequential> ctx{sequential{}};
-  turbomap::bundle_problem<sequential, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
-  const auto in = s.frame_input();
-  problem.assign(ctx, {in.states, in.fixed, {held.data(), 4}}, s.landmark_input(), s.group());
-  const std::int32_t frame = 1;
-  std::vector<double> with;
-  REQUIRE(turbomap::frame_covariance(ctx, problem, {&frame, 1}, with));
-  const auto all = covariance_of(sequential{}, s, {1});
-  for (std::size_t r = 0; r < 6; ++r)
-    for (std::size_t c = 0; c < 6; ++c) {  // conditioned on unknown 3
-      const double expected = all[r * 6 + c] - all[r * 6 + 3] * all[3 * 6 + c] / all[3 * 6 + 3];
-      CHECK(std::abs(with[r * 6 + c] - (r == 3 || c == 3 ? 0 : expected)) <= 1e-7 * std::sqrt(all[r * 7] * all[c * 7]));
-    }
-}
-
-TEST_CASE("a landmark that is seen once takes nothing from what is known") {
-  auto s = make_adjustment_scene(scene_kind::mono, 5, 2, 25, 7);
-  const auto before = covariance_of(sequential{}, s, {0, 1});
-  const vec3<double> p{0.1, 0.2, 4};
-  s.points.push_back(p);
-  s.frame.push_back(1), s.landmark.push_back(25), s.pixel.push_back({380, 260, -1});
-  s.information.push_back(1), s.camera.push_back(0);
-  CHECK(relative_difference(covariance_of(sequential{}, s, {0, 1}), before) < 1e-6);
+TEST_CASE_TEMPLATE("a landmark that is seen once takes nothing from what is known", Policy, TURBOMAP_TEST_POLICIES) {
+  check_landmark_seen_once(Policy{});
 }
 
 TEST_CASE("an adjustment is not disturbed") {

@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// Covariance of frames on a device: what the host computes within rounding, and the same bits each time.
+/// Covariance of frames on a device: what the host computes within rounding, the same bits each time, and what
+/// covariance_cases.hpp asks for.
 
 #include <doctest/doctest.h>
 
@@ -31,6 +32,16 @@ TEST_CASE("as on the host, and the same bits each time; nothing where nothing is
     s.fixed.assign(s.poses.size(), 0);
     CHECK(covariance_of(on.policy(), s, frames).empty());
   }
+}
+
+TEST_CASE("what the problem does not tell is not made up") { check_not_made_up(stream{}.policy()); }
+TEST_CASE("a scale that is free is not told by far points, and is by a weak prior") {
+  check_free_scale(stream{}.policy());
+}
+TEST_CASE("the answer is per frame") { check_answer_per_frame(stream{}.policy()); }
+TEST_CASE("unknowns that are held are known") { check_held_unknowns(stream{}.policy()); }
+TEST_CASE("a landmark that is seen once takes nothing from what is known") {
+  check_landmark_seen_once(stream{}.policy());
 }
 
 }  // namespace
