@@ -20,6 +20,7 @@
 #include "adjustment/adjustment_results.hpp"
 #include "inertial_scene_oracle.hpp"
 #include "support/policies.hpp"
+#include "undetermined_cases.hpp"
 
 namespace {
 
@@ -176,6 +177,22 @@ TEST_CASE("what is held stays to the last bit, what nothing tells is counted") {
     CHECK_THROWS_WITH_AS(adjust_scene<float64_methods>(sequential{}, s, {}), doctest::Contains("frames.held.size()"),
                          std::invalid_argument);
   }
+}
+
+TEST_CASE_TEMPLATE("a velocity that nothing touches is counted, and stays", Policy, TURBOMAP_TEST_POLICIES) {
+  check_untouched_velocity(Policy{});
+}
+TEST_CASE_TEMPLATE("a heading that is free has all frames in common: none of its unknowns is counted", Policy,
+                   TURBOMAP_TEST_POLICIES) {
+  check_free_heading(Policy{});
+}
+TEST_CASE_TEMPLATE("two frames that are joined to each other only: none of their unknowns is counted", Policy,
+                   TURBOMAP_TEST_POLICIES) {
+  check_untied_edge(Policy{});
+}
+TEST_CASE_TEMPLATE("a frame with one landmark: none of its unknowns is counted; with none, all are", Policy,
+                   TURBOMAP_TEST_POLICIES) {
+  check_one_landmark(Policy{});
 }
 
 TEST_CASE("a velocity that is not a number: said so, and nothing moves") {

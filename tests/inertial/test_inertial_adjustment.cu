@@ -16,6 +16,7 @@
 #include "adjustment/adjustment_results.hpp"
 #include "inertial_scene.hpp"
 #include "support/stream.cuh"
+#include "undetermined_cases.hpp"
 
 namespace {
 
@@ -78,6 +79,17 @@ TEST_CASE("every solver in every precision: as on the host, and the same bits ea
       CHECK(a.states[5].bias.acceleration.x == s.states[5].bias.acceleration.x);
       CHECK(a.states[5].bias.acceleration.y != s.states[5].bias.acceleration.y);
     }
+}
+
+TEST_CASE("a velocity that nothing touches is counted, and stays") { check_untouched_velocity(stream{}.policy()); }
+TEST_CASE("a heading that is free has all frames in common: none of its unknowns is counted") {
+  check_free_heading(stream{}.policy());
+}
+TEST_CASE("two frames that are joined to each other only: none of their unknowns is counted") {
+  check_untied_edge(stream{}.policy());
+}
+TEST_CASE("a frame with one landmark: none of its unknowns is counted; with none, all are") {
+  check_one_landmark(stream{}.policy());
 }
 
 }  // namespace

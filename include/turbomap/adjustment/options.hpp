@@ -94,8 +94,11 @@ struct adjustment_summary {
   int iterations = 0;       ///< linearisations that were solved
   int accepted = 0;         ///< iterations that changed the state; 0: it is unchanged to the last bit
   int undefined = 0;        ///< observations whose camera could not project their landmark at the end
-  /// Unknowns of free frames that no factor depended on at the start: damping alone kept them where they are. (Directions
-  /// that several unknowns have in common, as a scale, are not among them: see frame_covariance.)
+  /// Unknowns of free frames whose diagonal element of the undamped normal equations was 0 at the start: no factor that
+  /// was defined there, and had a weight, depended on them. Damping alone kept them where they are. Held unknowns and those
+  /// of landmarks are not among them. It counts unknowns one by one: directions that several have in common, as a scale, the
+  /// heading of a chain of frames, or what one landmark leaves open of a pose, are damped without being counted.
+  /// frame_covariance() says of each frame whether it is determined. 0 where nothing was linearised.
   int undetermined = 0;
   /// Why it ended.
   adjustment_end end = adjustment_end::max_iterations;
