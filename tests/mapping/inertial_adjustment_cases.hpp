@@ -177,7 +177,7 @@ struct inertial_map_scene {
   }
 };
 
-/// A context, a store with all keyframes of a scene, and the stage.
+/// A context, a store with all live keyframes of a scene, and the stage.
 template <class Policy>
 struct inertial_run {
   using adjustment = turbomap::inertial_adjustment<inertial_map, Policy, turbomap::every_adjustment_method>;
@@ -191,6 +191,7 @@ struct inertial_run {
 
   inertial_run(const Policy& policy, inertial_map_scene& scene) : scene(scene), ctx(policy) {
     for (const auto& k : scene.keyframes) {
+      if (!scene.map.alive(k)) continue;
       const auto keypoints = scene.map.keypoints(k);
       const std::vector<std::uint8_t> descriptors(32 * keypoints.size());
       turbomap::keyframe_data<turbomap::binary_descriptor<256>, inertial_pinhole> data;

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Inertial adjustment on a map: window and result against their definitions, what changes meanwhile, what cannot be used.
+// Inertial adjustment on a map: the cases of inertial_window_cases.hpp under host policies; reading in parts, gates, options, culling.
 
 #include <doctest/doctest.h>
 
@@ -9,18 +9,14 @@
 
 #include <turbomap/map/validate.hpp>
 
-#include <algorithm>
-#include <array>
-#include <atomic>
+#include <cmath>
 #include <functional>
-#include <limits>
 #include <mutex>
-#include <set>
-#include <stdexcept>
+#include <random>
 #include <string>
 #include <vector>
 
-#include "inertial_adjustment_cases.hpp"
+#include "inertial_window_cases.hpp"
 #include "support/policies.hpp"
 
 namespace turbomap_test {
@@ -51,163 +47,9 @@ using namespace turbomap_test;
 using turbomap::adjustment_end;
 using turbomap::inertial_adjustment_options;
 using turbomap::local_adjustment_options;
-constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
-
-local_adjustment_options exact() {
-  local_adjustment_options o;
-  o.solve.numbers = turbomap::precision::float64, o.solve.min_relative_decrease = 0;
-  return o;
-}
-inertial_adjustment_options window_of(int keyframes, int observers = 200) {
-  inertial_adjustment_options o;
-  o.strong_points = -1, o.window.keyframes = keyframes, o.most_observers = observers;
-  return o;
-}
-
-/// The window by its definition, in places of the scene.
-struct defined_window {
-  int first = 0;        ///< the end of the chain
-  bool begins = false;  ///< it is the first keyframe of the map: its pose is held; else it is fixed
-  std::set<std::size_t> points, observers;
-  std::size_t rows = 0;
-};
-defined_window window_by_definition(const inertial_map_scene& s, int current, int keyframes, int most) {
-  defined_window w;
-  w.first = std::max(0, current - keyframes), w.begins = current < keyframes;
-  const auto place = [&](const turbomap::map_keyframe_id& k) {
-    return static_cast<std::size_t>(std::find(s.keyframes.begin(), s.keyframes.end(), k) - s.keyframes.begin());
-  };
-  std::vector<std::size_t> order;  // of points: as they are met
-  for (int f = current; f > (w.begins ? -1 : w.first); --f) {
-    const auto k = s.keyframes[static_cast<std::size_t>(f)];
-    for (std::size_t i = 0; i < s.map.keypoints(k).size(); ++i) {
-      const auto p = s.map.point_at(k, i);
-      if (p == turbomap::map_point_id{}) continue;
-      const auto l = static_cast<std::size_t>(std::find(s.points.begin(), s.points.end(), p) - s.points.begin());
-      if (w.points.insert(l).second) order.push_back(l);
-    }
-  }
-  const auto in = [&](std::size_t k) {
-    return (static_cast<int>(k) >= w.first && static_cast<int>(k) <= current) || w.observers.count(k) != 0;
-  };
-  for (const std::size_t l : order) {
-    if (static_cast<int>(w.observers.size()) == most) break;
-    for (const auto& o : s.map.observations(s.points[l])) {
-      const std::size_t k = place(s.map.keyframe_at(o.keyframe));
-      if (in(k)) continue;
-      w.observers.insert(k);
-      break;
-    }
-  }
-  for (const std::size_t l : order)
-    for (const auto& o : s.map.observations(s.points[l])) w.rows += in(place(s.map.keyframe_at(o.keyframe))) ? 1 : 0;
-  return w;
-}
-
-/// The adjusted states of the window, by a problem that is put together here, in the order of time.
-std::vector<turbomap::inertial_state<double>> adjusted_by_definition(const inertial_map_scene& s,
-                                                                     const defined_window& w, int current,
-                                                                     const local_adjustment_options& options,
-                                                                     const turbomap::inertial_window_options& window) {
-  using edges_type = turbomap::inertial_edges;
-  turbomap::context<sequential> ctx;
-  std::vector<std::size_t> frames;
-  for (int f = w.first; f <= current; ++f) frames.push_back(static_cast<std::size_t>(f));
-  for (const std::size_t k : w.observers) frames.push_back(k);
-  const std::size_t chain = static_cast<std::size_t>(current - w.first) + 1;
-  std::vector<turbomap::inertial_state<double>> states;
-  std::vector<std::uint8_t> fixed;
-  std::vector<std::uint32_t> held(frames.size(), 0);
-  using turbomap::inertial_frame;
-  if (w.begins) held[0] = inertial_frame::hold_pose | (current < 10 ? inertial_frame::hold_biases : 0U);
-  edges_type edges;
-  for (std::size_t f = 0; f < frames.size(); ++f) {
-    const auto k = s.keyframes[frames[f]];
-    states.push_back({s.map.T_cw(k), s.map.velocity(k), s.map.bias(k)});
-    fixed.push_back((f == 0 && !w.begins) || f >= chain ? 1 : 0);
-    if (f > 0 && f < chain)
-      edges.add(static_cast<std::int32_t>(f - 1), static_cast<std::int32_t>(f), *s.map.motion(k), f == 1 && !w.begins,
-                window);
-  }
-  std::vector<turbomap::rig_camera<turbomap::pinhole<double>>> rig{{{435, 436, 367, 252}, {}, 47.9, {}}};
-  auto seen = turbomap::huber_reprojections(turbomap::rig_view<turbomap::pinhole<double>>{rig.data(), 1});
-  seen.mono_kernel.delta2 = options.mono_chi2, seen.stereo_kernel.delta2 = options.stereo_chi2;
-  std::vector<std::int32_t> frame, landmark;
-  std::vector<vec3<double>> pixel, points;
-  for (const std::size_t l : w.points) {
-    for (std::size_t f = 0; f < frames.size(); ++f)
-      for (std::size_t i = 0; i < s.map.keypoints(s.keyframes[frames[f]]).size(); ++i) {
-        if (!(s.map.point_at(s.keyframes[frames[f]], i) == s.points[l])) continue;
-        const auto& k = s.map.keypoints(s.keyframes[frames[f]])[i];
-        frame.push_back(static_cast<std::int32_t>(f)), landmark.push_back(static_cast<std::int32_t>(points.size()));
-        pixel.push_back({static_cast<double>(k.x), static_cast<double>(k.y), static_cast<double>(k.u_right)});
-      }
-    points.push_back(s.map.position(s.points[l]));
-  }
-  const std::vector<double> information(frame.size(), 1);
-  seen.frame = frame, seen.landmark = landmark, seen.pixel = pixel, seen.information = information;
-  turbomap::inertial_factor factor;
-  factor.T_bc = turbomap::to_isometry<double>(s.map.T_bc()), factor.gravity = s.map.gravity();
-  turbomap::bundle_problem<sequential, turbomap::inertial_frame, turbomap::reprojections<turbomap::pinhole<double>>,
-                           edges_type::factors, edges_type::robust_factors, edges_type::walk_factors>
-      problem(ctx);
-  problem.assign(ctx, {states, fixed, held}, {points, {}}, seen, edges.plain(factor), edges.robust(factor, window),
-                 edges.walks());
-  turbomap::adjustment_options solve = options.solve;
-  solve.damping = turbomap::damping_rule::identity;
-  solve.max_iterations = window.iterations, solve.initial_lambda = window.initial_lambda;
-  turbomap::adjust<turbomap::every_adjustment_method>(ctx, problem, solve);
-  turbomap::plain_vector<turbomap::inertial_state<double>> result;
-  problem.frames(ctx, result);
-  return {result.begin(), result.begin() + static_cast<std::ptrdiff_t>(chain)};
-}
-
-double difference(const turbomap::inertial_state<double>& a, const inertial_map& map, turbomap::map_keyframe_id k) {
-  using turbomap::norm;
-  const auto& T = map.T_cw(k);
-  return std::max({norm(vec3<double>{a.T_cw.tx - T.tx, a.T_cw.ty - T.ty, a.T_cw.tz - T.tz}),
-                   norm(vec3<double>{a.T_cw.qx - T.qx, a.T_cw.qy - T.qy, a.T_cw.qz - T.qz}),
-                   norm(a.velocity - map.velocity(k)), norm(a.bias.gyro - map.bias(k).gyro),
-                   norm(a.bias.acceleration - map.bias(k).acceleration)});
-}
 
 TEST_CASE_TEMPLATE("window and result are those of the definition", Policy, TURBOMAP_TEST_POLICIES) {
-  for (const unsigned seed : {1U, 2U})
-    for (const auto& numbers : std::vector<std::array<int, 3>>{
-             {13, 5, 200}, {13, 5, 2}, {13, 40, 200}, {6, 40, 200}, {9, 4, 0}, {1, 1, 200}, {1, 2, 0}, {13, 1, 200}}) {
-      const int current = numbers[0], keyframes = numbers[1], observers = numbers[2];
-      CAPTURE(seed);
-      CAPTURE(current);
-      CAPTURE(keyframes);
-      inertial_map_scene s({14, 20, seed});
-      const auto options = exact();
-      const auto inertial = window_of(keyframes, observers);
-      const auto w = window_by_definition(s, current, keyframes, observers);
-      const auto expected = adjusted_by_definition(s, w, current, options, inertial.window);
-      const inertial_map_scene before = s;
-      const auto summary = inertial_run<Policy>(Policy{}, s)(current, options, inertial);
-      CHECK(summary.inertial);
-      CHECK_FALSE(summary.stale);
-      CHECK(summary.free_keyframes == static_cast<std::size_t>(current - w.first + (w.begins ? 1 : 0)));
-      CHECK(summary.inertial_edges == static_cast<std::size_t>(current - w.first));
-      CHECK(summary.fixed_keyframes == (w.begins ? 0 : 1) + w.observers.size());
-      CHECK(summary.points == w.points.size());
-      CHECK(summary.observations == w.rows);
-      REQUIRE(summary.solve.accepted > 0);
-      CHECK(summary.solve.undetermined == 0);
-      for (int f = 0; f < 14; ++f) {
-        const auto i = static_cast<std::size_t>(f);
-        const bool moves = f >= w.first + (w.begins ? 0 : 1) && f <= current;
-        if (moves)
-          CHECK(difference(expected[static_cast<std::size_t>(f - w.first)], s.map, s.keyframes[i]) < 1e-7);
-        else
-          CHECK(difference({before.map.T_cw(s.keyframes[i]), before.map.velocity(s.keyframes[i]),
-                            before.map.bias(s.keyframes[i])},
-                           s.map, s.keyframes[i]) == 0);
-      }
-      if (w.begins) CHECK(before.map.T_cw(s.keyframes[0]).qx == s.map.T_cw(s.keyframes[0]).qx);
-      CHECK(turbomap::validate(s.map).empty());
-    }
+  check_definition(Policy{});
 }
 
 TEST_CASE("velocities are nearer to the truth than before, positions than without the IMU") {
@@ -305,13 +147,11 @@ TEST_CASE("a fixed keyframe is moved between two parts of the window: nothing is
   }
 }
 
-TEST_CASE("outliers leave the map; near points have a wider gate") {
+TEST_CASE_TEMPLATE("outliers leave the map", Policy, TURBOMAP_TEST_POLICIES) { check_outliers(Policy{}); }
+
+TEST_CASE("near points have a wider gate") {
   inertial_recipe recipe;
   recipe.outliers = 0.08;
-  inertial_map_scene s(recipe), strict_gate(recipe);
-  const auto a = inertial_run<sequential>(sequential{}, s)(13);
-  CHECK(a.outliers > 10);
-  CHECK(turbomap::validate(s.map).empty());
   inertial_adjustment_options narrow;
   narrow.near_depth = 0;
   local_adjustment_options tight, wide;
@@ -394,13 +234,11 @@ TEST_CASE("a keyframe that has died leaves no points of the adjustment before") 
   }
 }
 
-TEST_CASE("the large window where tracking is strong; young estimates make every edge robust") {
-  inertial_map_scene s;
-  inertial_adjustment_options o;
-  o.window.keyframes = 3, o.large.keyframes = 6, o.strong_points = 1;
-  CHECK(inertial_run<sequential>(sequential{}, s)(13, {}, o).free_keyframes == 6);
-  o.strong_points = 100000;
-  CHECK(inertial_run<sequential>(sequential{}, s)(13, {}, o).free_keyframes == 3);
+TEST_CASE_TEMPLATE("the large window where tracking is strong", Policy, TURBOMAP_TEST_POLICIES) {
+  check_large_window(Policy{});
+}
+
+TEST_CASE("young estimates make every edge robust") {
   inertial_map_scene young, old;
   for (auto* m : {&young.map, &old.map})  // an edge that is badly off
     m->set_velocity(young.keyframes[12], {5, 5, 5});
@@ -411,19 +249,9 @@ TEST_CASE("the large window where tracking is strong; young estimates make every
   CHECK(a.solve.cost_initial < 0.5 * b.solve.cost_initial);
 }
 
-TEST_CASE("while the estimates are young the map may turn about its first keyframe") {
-  for (const bool young : {false, true}) {
-    inertial_map_scene s;
-    s.map.set_refined(!young);
-    const auto centre = [&s] {
-      return turbomap::camera_centre(turbomap::to_isometry<double>(s.map.T_cw(s.keyframes[0])));
-    };
-    const auto at = centre();
-    const double q = s.map.T_cw(s.keyframes[0]).qx;
-    inertial_run<sequential>(sequential{}, s)(13, exact(), window_of(40));
-    CHECK(turbomap::norm(centre() - at) < 1e-9);
-    CHECK((s.map.T_cw(s.keyframes[0]).qx == q) == !young);
-  }
+TEST_CASE_TEMPLATE("while the estimates are young the map may turn about its first keyframe", Policy,
+                   TURBOMAP_TEST_POLICIES) {
+  check_young_map_turns(Policy{});
 }
 
 TEST_CASE("where the keyframe before cannot be used, the window ends in a fixed one all the same") {
@@ -442,102 +270,21 @@ TEST_CASE("where the keyframe before cannot be used, the window ends in a fixed 
   }
 }
 
-TEST_CASE("changed meanwhile: nothing is written") {
-  for (const int what : {0, 1, 2, 3, 4}) {
-    CAPTURE(what);
-    inertial_map_scene s;
-    inertial_run<sequential> run(sequential{}, s);
-    turbomap::local_adjustment_summary summary;
-    const auto scope = run.scope();
-    run.adjust.snapshot(scope, s.keyframes[13], {}, window_of(6), summary);
-    REQUIRE(run.adjust.compute(scope, {}, summary));
-    const auto k = s.keyframes[11];
-    if (what == 0) s.map.set_velocity(k, {1, 2, 3});
-    if (what == 1) s.map.set_bias(k, {{0.1, 0, 0}, {}});
-    if (what == 2) s.map.set_pose(k, {});
-    if (what >= 3) {  // 11 moves; 7 holds the window
-      const auto gone = what == 3 ? k : s.keyframes[7];
-      turbomap::bridge_motion(s.map, gone);
-      turbomap::erase_keyframe(s.map, gone);
-    }
-    const auto before = s.state();
-    run.adjust.commit(scope, {}, summary);
-    CHECK(summary.stale);
-    CHECK(s.state() == before);
-  }
+TEST_CASE_TEMPLATE("changed meanwhile: nothing is written", Policy, TURBOMAP_TEST_POLICIES) {
+  check_changed_meanwhile(Policy{});
 }
 
-TEST_CASE("stopped before it began, a dead keyframe, bad options: the map stays") {
-  inertial_map_scene s;
-  inertial_run<sequential> run(sequential{}, s);
-  const auto before = s.state();
-  const std::atomic<bool> stop{true};
-  local_adjustment_options options;
-  options.solve.stop = &stop;
-  CHECK(run(13, options).solve.end == adjustment_end::stopped);
-  CHECK(run.adjust(run.scope(), {}, {}).stale);
-  for (int bad = 0; bad < 6; ++bad) {
-    inertial_adjustment_options o;
-    if (bad == 0) o.window.keyframes = 0;
-    if (bad == 1) o.large.iterations = 0;
-    if (bad == 2) o.window.initial_lambda = nan_value;
-    if (bad == 3) o.most_observers = -1;
-    if (bad == 4) o.max_time_error = nan_value;
-    if (bad == 5) o.large.robust_chi2 = 0;
-    CHECK_THROWS_AS(run(13, {}, o), std::invalid_argument);
-  }
-  s.map.set_gravity({0, nan_value, -9.81});
-  CHECK_THROWS_AS(run(13), std::invalid_argument);
-  CHECK(s.state() == before);
+TEST_CASE_TEMPLATE("stopped before it began, a dead keyframe, bad options: the map stays", Policy,
+                   TURBOMAP_TEST_POLICIES) {
+  check_refused(Policy{});
 }
 
-TEST_CASE("IMU data that cannot be used: refused, or noted and passed over") {
-  using turbomap::map_fault;
-  for (int what = 0; what < 7; ++what) {
-    CAPTURE(what);
-    inertial_map_scene s;
-    const auto k = s.keyframes[11];
-    turbomap::preintegration<double> p = *s.map.motion(k);
-    map_fault expected = map_fault::bad_motion;
-    if (what == 0) p.dV.x = nan_value, s.map.set_motion(k, p);
-    if (what == 1) p.C_PP(1, 1) = std::numeric_limits<double>::infinity(), s.map.set_motion(k, p);
-    if (what == 2) p.dt = 0, s.map.set_motion(k, p);
-    if (what == 3) p.dt += 0.02, s.map.set_motion(k, p);  // another interval's
-    if (what == 4) s.map.set_velocity(k, {nan_value, 0, 0}), expected = map_fault::bad_inertial_state;
-    if (what == 5) s.map.set_bias(k, {{0, 0, nan_value}, {}}), expected = map_fault::bad_inertial_state;
-    if (what == 6) s.map.clear_motion(k);  // a gap over the whole interval: known, so no fault
-    const auto before = s.state();
-    inertial_run<sequential> run(sequential{}, s);
-    if (what < 6) {
-      CHECK_THROWS_AS(run(13, {}, window_of(8)), turbomap::inconsistent_map);
-      CHECK(s.state() == before);
-    }
-    turbomap::fault_list noted;
-    const auto then = s.map.velocity(k);
-    const auto summary = run(13, exact(), window_of(8), turbomap::fault_sink(noted));
-    CHECK(noted.size() == (what < 6 ? 1 : 0));
-    if (what < 6) {
-      CHECK(noted[0].fault == expected);
-      CHECK(noted[0].keyframe == 11);
-    }
-    CHECK(summary.free_keyframes == 8);
-    CHECK(summary.inertial_edges == (what == 4 || what == 5 ? 6 : 7));
-    REQUIRE(summary.solve.accepted > 0);
-    CHECK(summary.solve.undetermined == 0);
-    if (what == 4) CHECK(std::isnan(s.map.velocity(k).x));  // not made up
-    if (what == 5) CHECK(s.map.velocity(k).x == then.x);
-    // The biases of the first keyframe after the hole stay; its velocity is known from the next edge.
-    if (what < 4 || what == 6) CHECK_FALSE(s.map.velocity(k).x == then.x);
-    CHECK(summary.solve.cost_final < 0.5 * summary.solve.cost_initial);
-  }
-  inertial_map_scene s;  // no motion at all: velocities and biases stay, poses move
-  for (const auto& k : s.keyframes) s.map.clear_motion(k);
-  inertial_map_scene before = s;
-  const auto summary = inertial_run<sequential>(sequential{}, s)(13, exact(), window_of(8));
-  CHECK(summary.inertial_edges == 0);
-  CHECK(summary.solve.accepted > 0);
-  CHECK(summary.solve.undetermined == 0);
-  for (const auto& k : s.keyframes) CHECK(s.map.velocity(k).x == before.map.velocity(k).x);
+TEST_CASE_TEMPLATE("IMU data that cannot be used: refused, or noted and passed over", Policy, TURBOMAP_TEST_POLICIES) {
+  check_unusable_imu_data(Policy{});
+}
+
+TEST_CASE_TEMPLATE("a window of which keyframes were culled", Policy, TURBOMAP_TEST_POLICIES) {
+  check_culled_window(Policy{});
 }
 
 TEST_CASE("keyframes are culled: their motions merged are those integrated anew") {

@@ -2,48 +2,58 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// Inertial adjustment of a map on a device: the map that the host leaves, within rounding, and the same bits each time.
+/// Inertial adjustment of a map on a device: what the host leaves, within rounding, and the same bits each time.
 
 #include <doctest/doctest.h>
 
 #include <thrust/execution_policy.h>
 #include <thrust/system/cuda/execution_policy.h>
 
-#include <turbomap/map/validate.hpp>
-
-#include <type_traits>
-
-#include "inertial_adjustment_cases.hpp"
+#include "inertial_window_cases.hpp"
 #include "support/stream.cuh"
 
 namespace {
 
 using namespace turbomap_test;
-using sequential = std::decay_t<decltype(thrust::seq)>;
 
-TEST_CASE("windows one after the other: as on the host") {
+TEST_CASE("window and result are those of the definition") {
   const stream on;
-  inertial_recipe recipe;
-  recipe.outliers = 0.05;
-  inertial_map_scene host(recipe), a(recipe), b(recipe);
-  turbomap::local_adjustment_options options;
-  options.solve.numbers = turbomap::precision::float64;
-  for (const int current : {7, 10, 13}) {
-    const auto expected = inertial_run<sequential>(sequential{}, host)(current, options);
-    const auto summary = inertial_run<std::decay_t<decltype(on.policy())>>(on.policy(), a)(current, options);
-    inertial_run<std::decay_t<decltype(on.policy())>>(on.policy(), b)(current, options);
-    CHECK(summary.inertial_edges == expected.inertial_edges);
-    CHECK(summary.observations == expected.observations);
-    CHECK(summary.outliers == expected.outliers);
-    CHECK(summary.solve.cost_final == doctest::Approx(expected.solve.cost_final).epsilon(1e-9));
-    CHECK(a.state() == b.state());
-    CHECK(turbomap::validate(a.map).empty());
-    for (std::size_t f = 0; f < a.keyframes.size(); ++f) {
-      const auto &x = a.map.T_cw(a.keyframes[f]), &y = host.map.T_cw(host.keyframes[f]);
-      CHECK(std::abs(x.tx - y.tx) + std::abs(x.ty - y.ty) + std::abs(x.tz - y.tz) < 1e-6);
-      CHECK(turbomap::norm(a.map.velocity(a.keyframes[f]) - host.map.velocity(host.keyframes[f])) < 1e-6);
-    }
-  }
+  check_definition(on.policy());
+}
+
+TEST_CASE("windows one after the other, with outliers: as on the host") {
+  const stream on;
+  check_outliers(on.policy());
+}
+
+TEST_CASE("the large window where tracking is strong") {
+  const stream on;
+  check_large_window(on.policy());
+}
+
+TEST_CASE("while the estimates are young the map may turn about its first keyframe") {
+  const stream on;
+  check_young_map_turns(on.policy());
+}
+
+TEST_CASE("a window of which keyframes were culled") {
+  const stream on;
+  check_culled_window(on.policy());
+}
+
+TEST_CASE("changed meanwhile: nothing is written") {
+  const stream on;
+  check_changed_meanwhile(on.policy());
+}
+
+TEST_CASE("stopped before it began, a dead keyframe, bad options: the map stays") {
+  const stream on;
+  check_refused(on.policy());
+}
+
+TEST_CASE("IMU data that cannot be used: refused, or noted and passed over") {
+  const stream on;
+  check_unusable_imu_data(on.policy());
 }
 
 }  // namespace

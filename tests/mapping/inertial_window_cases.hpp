@@ -1,0 +1,286 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// What inertial adjustment of a map must do under every execution policy, host or device: the window and the result of the
+/// definition, what thrust::seq leaves and the same bits each time, and a map that stays where nothing may be written.
+
+#include <turbomap/map/validate.hpp>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <stdexcept>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "inertial_adjustment_cases.hpp"
+#include "inertial_window_definition.hpp"
+
+namespace turbomap_test {
+
+/// In float64, to the last iteration.
+inline turbomap::local_adjustment_options exact() {
+  turbomap::local_adjustment_options o;
+  o.solve.numbers = turbomap::precision::float64, o.solve.min_relative_decrease = 0;
+  return o;
+}
+inline turbomap::inertial_adjustment_options window_of(int keyframes, int observers = 200) {
+  turbomap::inertial_adjustment_options o;
+  o.strong_points = -1, o.window.keyframes = keyframes, o.most_observers = observers;
+  return o;
+}
+
+/// Of two maps of one scene: the largest difference of poses, velocities and biases, relative to what is larger than 1 (m, m/s).
+/// What is not a number in both is no difference.
+inline double largest_difference(const inertial_map_scene& a, const inertial_map_scene& b) {
+  double largest = 0;
+  const auto compare = [&largest](const vec3<double>& x, const vec3<double>& y) {
+    const double size = std::max(1.0, turbomap::norm(y)), off = turbomap::norm(x - y) / size;
+    if (!(std::isnan(turbomap::norm(x)) && std::isnan(turbomap::norm(y)))) largest = off <= largest ? largest : off;
+  };
+  for (std::size_t f = 0; f < a.keyframes.size(); ++f) {
+    const auto i = a.keyframes[f], j = b.keyframes[f];
+    if (a.map.alive(i) != b.map.alive(j)) return HUGE_VAL;
+    if (!a.map.alive(i)) continue;
+    const auto &T = a.map.T_cw(i), &U = b.map.T_cw(j);
+    compare({T.qx, T.qy, T.qz}, {U.qx, U.qy, U.qz}), compare({T.tx, T.ty, T.tz}, {U.tx, U.ty, U.tz});
+    compare(a.map.velocity(i), b.map.velocity(j)), compare(a.map.bias(i).gyro, b.map.bias(j).gyro);
+    compare(a.map.bias(i).acceleration, b.map.bias(j).acceleration);
+  }
+  return largest;
+}
+
+/// Of largest_difference(), where the order of sums is another: two compilers differ by 1e-13. Where unknowns are weakly told (the
+/// velocity after a hole, the tilt of a young map) that is amplified to 2e-9.
+inline constexpr double told = 1e-9, weakly_told = 1e-7;
+
+/// Adjusts a scene under a policy, in float64. It must leave the same bits when it runs again, and what thrust::seq leaves. (Not in as
+/// many iterations: near the optimum rounding decides whether one more step is accepted.)
+template <class Policy>
+turbomap::local_adjustment_summary adjust_as_on_host(const Policy& policy, inertial_map_scene& s, int current,
+                                                     const turbomap::inertial_adjustment_options& inertial,
+                                                     double tolerance = told, turbomap::fault_sink faults = {}) {
+  inertial_map_scene again = s, host = s;
+  turbomap::fault_list others;
+  const auto other_faults = turbomap::fault_sink(others);
+  const auto summary = inertial_run<Policy>(policy, s)(current, exact(), inertial, faults);
+  inertial_run<Policy>(policy, again)(current, exact(), inertial, other_faults);
+  const auto expected =
+      inertial_run<sequential_policy>(sequential_policy{}, host)(current, exact(), inertial, other_faults);
+  CHECK(s.state() == again.state());
+  CHECK(summary.free_keyframes == expected.free_keyframes);
+  CHECK(summary.inertial_edges == expected.inertial_edges);
+  CHECK(summary.observations == expected.observations);
+  CHECK(summary.outliers == expected.outliers);
+  CHECK(summary.solve.undetermined == expected.solve.undetermined);
+  CHECK((summary.solve.accepted > 0) == (expected.solve.accepted > 0));
+  CHECK(summary.solve.cost_final == doctest::Approx(expected.solve.cost_final).epsilon(1e-9));
+  CHECK(largest_difference(s, host) < tolerance);
+  CHECK(turbomap::validate(s.map).empty());
+  return summary;
+}
+
+/// Windows of many sizes. The definition orders frames and rows in another way.
+template <class Policy>
+void check_definition(const Policy& policy) {
+  for (const unsigned seed : {1U, 2U})
+    for (const auto& numbers : std::vector<std::array<int, 3>>{
+             {13, 5, 200}, {13, 5, 2}, {13, 40, 200}, {6, 40, 200}, {9, 4, 0}, {1, 1, 200}, {1, 2, 0}, {13, 1, 200}}) {
+      const int current = numbers[0], keyframes = numbers[1], observers = numbers[2];
+      CAPTURE(seed);
+      CAPTURE(current);
+      CAPTURE(keyframes);
+      inertial_map_scene s({14, 20, seed});
+      const auto inertial = window_of(keyframes, observers);
+      const auto w = window_by_definition(s, current, keyframes, observers);
+      const auto expected = adjusted_by_definition(s, w, current, exact(), inertial.window);
+      const inertial_map_scene before = s;
+      const auto summary = adjust_as_on_host(policy, s, current, inertial);
+      CHECK(summary.inertial);
+      CHECK_FALSE(summary.stale);
+      CHECK(summary.free_keyframes == static_cast<std::size_t>(current - w.first + (w.begins ? 1 : 0)));
+      CHECK(summary.inertial_edges == static_cast<std::size_t>(current - w.first));
+      CHECK(summary.fixed_keyframes == (w.begins ? 0 : 1) + w.observers.size());
+      CHECK(summary.points == w.points.size());
+      CHECK(summary.observations == w.rows);
+      REQUIRE(summary.solve.accepted > 0);
+      CHECK(summary.solve.undetermined == 0);
+      for (int f = 0; f < 14; ++f) {
+        const auto i = static_cast<std::size_t>(f);
+        const bool moves = f >= w.first + (w.begins ? 0 : 1) && f <= current;
+        if (moves)
+          CHECK(difference(expected[static_cast<std::size_t>(f - w.first)], s.map, s.keyframes[i]) < told);
+        else
+          CHECK(difference({before.map.T_cw(s.keyframes[i]), before.map.velocity(s.keyframes[i]),
+                            before.map.bias(s.keyframes[i])},
+                           s.map, s.keyframes[i]) == 0);
+      }
+      if (w.begins) CHECK(before.map.T_cw(s.keyframes[0]).qx == s.map.T_cw(s.keyframes[0]).qx);
+    }
+}
+
+template <class Policy>
+void check_outliers(const Policy& policy) {
+  inertial_recipe recipe;
+  recipe.outliers = 0.08;
+  inertial_map_scene s(recipe);
+  for (const int current : {7, 10, 13}) adjust_as_on_host(policy, s, current, window_of(10));
+  inertial_map_scene once(recipe);
+  CHECK(adjust_as_on_host(policy, once, 13, window_of(10)).outliers > 10);
+}
+
+/// Where tracking is strong, the large window.
+template <class Policy>
+void check_large_window(const Policy& policy) {
+  turbomap::inertial_adjustment_options o;
+  o.window.keyframes = 3, o.large.keyframes = 6, o.strong_points = 1;
+  inertial_map_scene s;
+  CHECK(adjust_as_on_host(policy, s, 13, o).free_keyframes == 6);
+  o.strong_points = 100000;
+  CHECK(adjust_as_on_host(policy, s, 13, o).free_keyframes == 3);
+}
+
+/// While the estimates are young the map turns about its first keyframe, which keeps its place; later that keeps its pose.
+template <class Policy>
+void check_young_map_turns(const Policy& policy) {
+  for (const bool young : {false, true}) {
+    CAPTURE(young);
+    inertial_map_scene s;
+    s.map.set_refined(!young);
+    const auto centre = [&s] {
+      return turbomap::camera_centre(turbomap::to_isometry<double>(s.map.T_cw(s.keyframes[0])));
+    };
+    const auto at = centre();
+    const double q = s.map.T_cw(s.keyframes[0]).qx;
+    adjust_as_on_host(policy, s, 13, window_of(40), young ? weakly_told : told);
+    CHECK(turbomap::norm(centre() - at) < 1e-9);
+    CHECK((s.map.T_cw(s.keyframes[0]).qx == q) == !young);
+  }
+}
+
+/// Keyframes were culled, and their motions merged.
+template <class Policy>
+void check_culled_window(const Policy& policy) {
+  inertial_map_scene s({20, 20, 3});
+  for (const std::size_t f : {5U, 8U, 9U, 14U, 15U, 17U}) {
+    turbomap::bridge_motion(s.map, s.keyframes[f]);
+    turbomap::erase_keyframe(s.map, s.keyframes[f]);
+  }
+  const auto summary = adjust_as_on_host(policy, s, 19, window_of(8));
+  CHECK(summary.free_keyframes == 8);
+  CHECK(summary.inertial_edges == 8);
+  CHECK(summary.solve.cost_final < 0.01 * summary.solve.cost_initial);
+}
+
+/// Others change a velocity, a bias or a pose of the window, or take out one of its keyframes, while it is adjusted.
+template <class Policy>
+void check_changed_meanwhile(const Policy& policy) {
+  for (const int what : {0, 1, 2, 3, 4}) {
+    CAPTURE(what);
+    inertial_map_scene s;
+    inertial_run<Policy> run(policy, s);
+    turbomap::local_adjustment_summary summary;
+    const auto scope = run.scope();
+    run.adjust.snapshot(scope, s.keyframes[13], {}, window_of(6), summary);
+    REQUIRE(run.adjust.compute(scope, {}, summary));
+    const auto k = s.keyframes[11];
+    if (what == 0) s.map.set_velocity(k, {1, 2, 3});
+    if (what == 1) s.map.set_bias(k, {{0.1, 0, 0}, {}});
+    if (what == 2) s.map.set_pose(k, {});
+    if (what >= 3) {  // 11 moves; 7 holds the window
+      const auto gone = what == 3 ? k : s.keyframes[7];
+      turbomap::bridge_motion(s.map, gone);
+      turbomap::erase_keyframe(s.map, gone);
+    }
+    const auto before = s.state();
+    run.adjust.commit(scope, {}, summary);
+    CHECK(summary.stale);
+    CHECK(s.state() == before);
+  }
+}
+
+/// Stopped before it began, a keyframe that is none, bad options, gravity that is not a number.
+template <class Policy>
+void check_refused(const Policy& policy) {
+  constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
+  inertial_map_scene s;
+  inertial_run<Policy> run(policy, s);
+  const auto before = s.state();
+  const std::atomic<bool> stop{true};
+  turbomap::local_adjustment_options options;
+  options.solve.stop = &stop;
+  CHECK(run(13, options).solve.end == turbomap::adjustment_end::stopped);
+  CHECK(run.adjust(run.scope(), {}, {}).stale);
+  for (int bad = 0; bad < 6; ++bad) {
+    turbomap::inertial_adjustment_options o;
+    if (bad == 0) o.window.keyframes = 0;
+    if (bad == 1) o.large.iterations = 0;
+    if (bad == 2) o.window.initial_lambda = nan_value;
+    if (bad == 3) o.most_observers = -1;
+    if (bad == 4) o.max_time_error = nan_value;
+    if (bad == 5) o.large.robust_chi2 = 0;
+    CHECK_THROWS_AS(run(13, {}, o), std::invalid_argument);
+  }
+  s.map.set_gravity({0, nan_value, -9.81});
+  CHECK_THROWS_AS(run(13), std::invalid_argument);
+  CHECK(s.state() == before);
+}
+
+/// A motion or a state that cannot be used is refused, or noted and passed over; one that is not known is no fault.
+template <class Policy>
+void check_unusable_imu_data(const Policy& policy) {
+  using turbomap::map_fault;
+  constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
+  for (int what = 0; what < 7; ++what) {
+    CAPTURE(what);
+    inertial_map_scene s;
+    const auto k = s.keyframes[11];
+    turbomap::preintegration<double> p = *s.map.motion(k);
+    map_fault expected = map_fault::bad_motion;
+    if (what == 0) p.dV.x = nan_value, s.map.set_motion(k, p);
+    if (what == 1) p.C_PP(1, 1) = std::numeric_limits<double>::infinity(), s.map.set_motion(k, p);
+    if (what == 2) p.dt = 0, s.map.set_motion(k, p);
+    if (what == 3) p.dt += 0.02, s.map.set_motion(k, p);  // another interval's
+    if (what == 4) s.map.set_velocity(k, {nan_value, 0, 0}), expected = map_fault::bad_inertial_state;
+    if (what == 5) s.map.set_bias(k, {{0, 0, nan_value}, {}}), expected = map_fault::bad_inertial_state;
+    if (what == 6) s.map.clear_motion(k);  // a gap over the whole interval: known, so no fault
+    const auto before = s.state();
+    if (what < 6) {
+      CHECK_THROWS_AS(inertial_run<Policy>(policy, s)(13, {}, window_of(8)), turbomap::inconsistent_map);
+      CHECK(s.state() == before);
+    }
+    turbomap::fault_list noted;
+    const auto then = s.map.velocity(k);
+    const auto summary = adjust_as_on_host(policy, s, 13, window_of(8), weakly_told, turbomap::fault_sink(noted));
+    CHECK(noted.size() == (what < 6 ? 1 : 0));
+    if (what < 6) {
+      CHECK(noted[0].fault == expected);
+      CHECK(noted[0].keyframe == 11);
+    }
+    CHECK(summary.free_keyframes == 8);
+    CHECK(summary.inertial_edges == (what == 4 || what == 5 ? 6 : 7));
+    REQUIRE(summary.solve.accepted > 0);
+    CHECK(summary.solve.undetermined == 0);
+    if (what == 4) CHECK(std::isnan(s.map.velocity(k).x));  // not made up
+    if (what == 5) CHECK(s.map.velocity(k).x == then.x);
+    // The biases of the first keyframe after the hole stay; its velocity is known from the next edge.
+    if (what < 4 || what == 6) CHECK_FALSE(s.map.velocity(k).x == then.x);
+    CHECK(summary.solve.cost_final < 0.5 * summary.solve.cost_initial);
+  }
+  inertial_map_scene s;  // no motion at all: velocities and biases stay, poses move
+  for (const auto& k : s.keyframes) s.map.clear_motion(k);
+  inertial_map_scene before = s;
+  const auto summary = adjust_as_on_host(policy, s, 13, window_of(8));
+  CHECK(summary.inertial_edges == 0);
+  CHECK(summary.solve.accepted > 0);
+  CHECK(summary.solve.undetermined == 0);
+  for (const auto& k : s.keyframes) CHECK(s.map.velocity(k).x == before.map.velocity(k).x);
+}
+
+}  // namespace turbomap_test
