@@ -9,6 +9,7 @@
 #include <thrust/execution_policy.h>
 #include <thrust/system/cuda/execution_policy.h>
 
+#include "inertial_divergence_cases.hpp"
 #include "inertial_window_cases.hpp"
 #include "support/stream.cuh"
 
@@ -54,6 +55,16 @@ TEST_CASE("stopped before it began, a dead keyframe, bad options: the map stays"
 TEST_CASE("IMU data that cannot be used: refused, or noted and passed over") {
   const stream on;
   check_unusable_imu_data(on.policy());
+}
+
+TEST_CASE("no step was found: map and stage are as if nothing had been tried") {
+  const stream on;
+  check_divergence(on.policy());
+}
+
+TEST_CASE("a damping that lets nothing move is given up") {
+  const stream on;
+  check_endless_damping(on.policy());
 }
 
 }  // namespace
