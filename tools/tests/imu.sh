@@ -3,29 +3,17 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # usage: imu.sh TURBOMAP-SIMULATE TURBOMAP-REPLAY
-# Replays simulated recordings with their IMU, of which nothing but the samples is known (--uninitialised). One camera and
-# two that shake: initialised within 15 s of motion, the scale right to 1 %; also after 5 s of rest, which culling makes one
-# interval. One camera that moves evenly: not initialised. On a map of objects the same holds, and each step of the initialisation
+# Replays simulated recordings with their IMU, of which nothing but the samples is known (--uninitialised). One camera, a
+# rectified pair and two fisheyes that shake: initialised within 15 s of motion, the scale right to 1 %; one camera also after 5 s of
+# rest, which culling makes one interval. One camera that moves evenly: not initialised. On a map of objects the same holds, and each step of the initialisation
 # comes at the same time as on flat arrays. (The bits are compared by test_objects_map.cpp: two instances of one template need not be
 # contracted alike by the compiler.)
 set -eu -o pipefail
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-# 20 s of sines. TUM format: t x y z qx qy qz qw.
-awk 'BEGIN {
-  for (i = 0; i <= 400; ++i) {
-    t = 0.05 * i; w = 6.283185307
-    x = 0.5 * sin(w * t / 12) + 0.25 * sin(w * t / 2.3)
-    y = 0.4 * sin(w * t / 9 + 1) + 0.2 * sin(w * t / 1.9)
-    z = 0.15 * sin(w * t / 2.7 + 2)
-    a = 0.3 * sin(w * t / 7) / 2; b = 0.15 * sin(w * t / 3.3 + 1) / 2; c = 0.15 * sin(w * t / 2.9) / 2
-    printf "%.2f %.6f %.6f %.6f %.8f %.8f %.8f %.8f\n", 1000 + t, x, y, z, \
-      cos(a) * cos(b) * sin(c) - sin(a) * sin(b) * cos(c), cos(a) * sin(b) * cos(c) + sin(a) * cos(b) * sin(c), \
-      sin(a) * cos(b) * cos(c) - cos(a) * sin(b) * sin(c), cos(a) * cos(b) * cos(c) + sin(a) * sin(b) * sin(c)
-  }
-}' >"$work/shaken.tum"
-
+. "$(dirname "$0")/shaken.sh"
+shaken >"$work/shaken.tum"
 awk 'NR == 1 { for (i = 0; i < 100; ++i) print 995 + 0.05 * i, $2, $3, $4, $5, $6, $7, $8 } { print }' \
   "$work/shaken.tum" >"$work/rested.tum"
 
@@ -67,6 +55,7 @@ map() {
 simulate=$1 replayer=$2
 replay mono known "$work/shaken.tum" --mono
 replay rested known "$work/rested.tum" --mono
+replay stereo known "$work/shaken.tum"
 replay fisheye known "$work/shaken.tum" --camera tum-vi
 # Two fisheye cameras of which the right one's distortion is told wrongly: worse, and as recorded where it is told as it is.
 distorted() {
