@@ -32,6 +32,7 @@ namespace turbomap_test {
 struct mapping_recipe {
   unsigned seed = 1;
   double step = 0.3;        ///< m between keyframes, along x
+  double sway = 1;          ///< of the camera on its way, and turns of it; 0: it goes evenly
   int turn_back = 1 << 20;  ///< keyframe after which the camera goes back the way it came
   int per_metre = 25;       ///< landmarks
   int clutter = 20;         ///< keypoints of an image that belong to no landmark
@@ -68,9 +69,10 @@ class mapping_scene {
 
   turbomap::rigid_transform<double> pose(int n) const {
     const int along = n <= recipe_.turn_back ? n : 2 * recipe_.turn_back - n;
-    const Eigen::Vector3d centre(recipe_.step * along, 0.1 * std::sin(0.9 * n), 0.15 * std::cos(0.7 * n));
-    const Eigen::Quaterniond turn(Eigen::AngleAxisd(0.12 * std::sin(0.5 * n), Eigen::Vector3d::UnitY()) *
-                                  Eigen::AngleAxisd(0.05 * std::sin(1.1 * n), Eigen::Vector3d::UnitX()));
+    const double a = recipe_.sway;
+    const Eigen::Vector3d centre(recipe_.step * along, a * 0.1 * std::sin(0.9 * n), a * 0.15 * std::cos(0.7 * n));
+    const Eigen::Quaterniond turn(Eigen::AngleAxisd(a * 0.12 * std::sin(0.5 * n), Eigen::Vector3d::UnitY()) *
+                                  Eigen::AngleAxisd(a * 0.05 * std::sin(1.1 * n), Eigen::Vector3d::UnitX()));
     const Eigen::Quaterniond q = turn.conjugate();
     auto T = to_rigid(q, -(q * centre));
     if (recipe_.rounded)
