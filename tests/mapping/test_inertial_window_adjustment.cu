@@ -9,6 +9,7 @@
 #include <thrust/execution_policy.h>
 #include <thrust/system/cuda/execution_policy.h>
 
+#include "border_prior_cases.hpp"
 #include "inertial_divergence_cases.hpp"
 #include "inertial_window_cases.hpp"
 #include "support/stream.cuh"
@@ -65,6 +66,11 @@ TEST_CASE("no step was found: map and stage are as if nothing had been tried") {
 TEST_CASE("a damping that lets nothing move is given up") {
   const stream on;
   check_endless_damping(on.policy());
+}
+
+TEST_CASE("a prior of the keyframe before a window keeps the optimum of all keyframes") {
+  const stream on;
+  check_keeps_optimum(on.policy());
 }
 
 }  // namespace

@@ -1,0 +1,85 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// \file
+/// Windows of a map with a marginal prior of the keyframe before them, beside the adjustment of all keyframes.
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cstddef>
+
+#include "inertial_adjustment_cases.hpp"
+
+namespace turbomap_test {
+
+inline turbomap::local_adjustment_options to_the_end() {
+  turbomap::local_adjustment_options o;
+  o.solve.numbers = turbomap::precision::float64;
+  o.solve.min_relative_decrease = 1e-14, o.solve.slow_iterations = 3;
+  o.outlier_factor = 100;  // all observations stay: the optimum is one of the same terms
+  return o;
+}
+inline turbomap::inertial_adjustment_options windows(int keyframes, bool prior) {
+  turbomap::inertial_adjustment_options o;
+  o.window.keyframes = keyframes, o.window.iterations = 50, o.window.initial_lambda = 0;
+  o.strong_points = -1;  // never the large window
+  o.marginal_prior = prior;
+  return o;
+}
+
+/// Velocities and biases of the map, in about a standard deviation each; what keyframes [first, end) have.
+inline double apart(const inertial_map_scene& a, const inertial_map_scene& b, int first, int end) {
+  double worst = 0;
+  for (int f = first; f < end; ++f) {
+    const auto i = static_cast<std::size_t>(f);
+    const auto x = a.keyframes[i], y = b.keyframes[i];
+    const double d[3] = {1e2 * turbomap::norm(a.map.velocity(x) - b.map.velocity(y)),
+                         1e3 * turbomap::norm(a.map.bias(x).gyro - b.map.bias(y).gyro),
+                         1e2 * turbomap::norm(a.map.bias(x).acceleration - b.map.bias(y).acceleration)};
+    worst = std::max({worst, d[0], d[1], d[2]});
+  }
+  return worst;
+}
+
+/// Adjusts all keyframes of a scene until nothing moves any more.
+template <class Policy>
+void adjust_all(inertial_run<Policy>& run, bool prior) {
+  const int last = static_cast<int>(run.scene.keyframes.size()) - 1;
+  for (int i = 0; i < 3; ++i) run(last, to_the_end(), windows(last + 1, prior));
+}
+
+/// Moves what the IMU told of the last keyframes a little.
+inline void disturb(inertial_map_scene& scene, int last) {
+  for (std::size_t f = scene.keyframes.size() - static_cast<std::size_t>(last); f < scene.keyframes.size(); ++f) {
+    const auto k = scene.keyframes[f];
+    scene.map.set_velocity(k, scene.map.velocity(k) + vec3<double>{0.02, -0.01, 0.03});
+    scene.map.set_bias(k, {scene.map.bias(k).gyro + vec3<double>{1e-3, 2e-3, -1e-3}, scene.map.bias(k).acceleration});
+  }
+}
+
+/// Windows that begin later than the last one, disturbed at the optimum of all keyframes and landmarks, come back to it; with a
+/// keyframe that is fixed instead they do not. The same bits each time.
+template <class Policy>
+void check_keeps_optimum(const Policy& policy) {
+  for (const int keyframes : {3, 5, 8}) {  // windows that begin 10, 8 and 5 keyframes later
+    CAPTURE(keyframes);
+    double moved[2];
+    for (const bool prior : {true, false}) {
+      inertial_map_scene batch, scene;
+      inertial_run<Policy> all(policy, batch), run(policy, scene);
+      adjust_all(all, prior), adjust_all(run, prior);
+      REQUIRE(apart(scene, batch, 0, 14) == 0);
+      disturb(scene, keyframes);
+      const auto summary = run(13, to_the_end(), windows(keyframes, prior));
+      CHECK(summary.solve.accepted > 0);
+      CHECK(summary.free_keyframes == static_cast<std::size_t>(keyframes) + (prior ? 1 : 0));
+      moved[prior] = apart(scene, batch, 0, 14);
+    }
+    CHECK(moved[true] < 1e-4);
+    CHECK(moved[false] > 100 * moved[true]);
+  }
+}
+
+}  // namespace turbomap_test
