@@ -327,6 +327,15 @@ TEST_CASE("keyframes are culled: their motions merged are those integrated anew"
   turbomap::erase_keyframe(s.map, s.keyframes[5]);
   CHECK(s.map.motion(s.keyframes[6]) == nullptr);
   turbomap::bridge_motion(s.map, s.keyframes[13]);  // the last one: nothing follows
+  for (const int bad : {9, 10}) {  // nor with one that is no number: it would spoil the longer interval
+    auto motion = *s.map.motion(s.keyframes[static_cast<std::size_t>(bad)]);
+    motion.dV.x = std::nan("");
+    s.map.set_motion(s.keyframes[static_cast<std::size_t>(bad)], motion);
+    turbomap::bridge_motion(s.map, s.keyframes[9]);
+    CHECK(s.map.motion(s.keyframes[10]) == nullptr);
+    s.map.set_motion(s.keyframes[9], *s.map.motion(s.keyframes[8])),
+        s.map.set_motion(s.keyframes[10], *s.map.motion(s.keyframes[8]));
+  }
 }
 
 TEST_CASE("a bias that moved far: the samples are integrated again") {

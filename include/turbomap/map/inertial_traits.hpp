@@ -71,9 +71,16 @@ bool is_refined([[maybe_unused]] const Map& map) {
     return true;
 }
 
+namespace detail {
+inline bool is_finite(const vec3<double>& v) { return is_finite(v.x) && is_finite(v.y) && is_finite(v.z); }
+inline bool is_finite(const imu_bias<double>& b) { return is_finite(b.gyro) && is_finite(b.acceleration); }
+/// Whether an adjustment can use it.
+inline bool is_usable(const preintegration<double>& p) { return p.dt > 0 && is_finite(p.dt + sum_of_elements(p)); }
+}  // namespace detail
+
 /// A keyframe is about to leave the map: what the IMU measured to it and from it on becomes one motion of the keyframe that
-/// follows in time, merge(). Where one of the two is not known, that one's is not known either. Call it under the guard, before
-/// erase_keyframe(); local_mapper does so. O(1), and what join_samples() takes.
+/// follows in time, merge(). Where one of the two is not known, or not finite, that one's is not known either. Call it under the
+/// guard, before erase_keyframe(); local_mapper does so. O(1), and what join_samples() takes.
 template <class Map>
 void bridge_motion(Map& map, const typename map_traits<Map>::keyframe& removed) {
   using traits = inertial_traits<Map>;
@@ -81,16 +88,11 @@ void bridge_motion(Map& map, const typename map_traits<Map>::keyframe& removed) 
   const auto after = map_traits<Map>::next(map, removed);
   if (after == typename map_traits<Map>::keyframe{}) return;
   preintegration<double> to, from;
-  if (!traits::motion(map, removed, to) || !traits::motion(map, after, from)) return traits::clear_motion(map, after);
+  if (!traits::motion(map, removed, to) || !traits::motion(map, after, from) || !detail::is_usable(to) ||
+      !detail::is_usable(from))
+    return traits::clear_motion(map, after);
   traits::set_motion(map, after, merge(to, from));
   if constexpr (detail::inertial_has_v<Map, detail::inertial_join_member>) traits::join_samples(map, removed, after);
 }
-
-namespace detail {
-inline bool is_finite(const vec3<double>& v) { return is_finite(v.x) && is_finite(v.y) && is_finite(v.z); }
-inline bool is_finite(const imu_bias<double>& b) { return is_finite(b.gyro) && is_finite(b.acceleration); }
-/// Whether an adjustment can use it.
-inline bool is_usable(const preintegration<double>& p) { return p.dt > 0 && is_finite(p.dt + sum_of_elements(p)); }
-}  // namespace detail
 
 TURBOMAP_END_NAMESPACE
