@@ -94,12 +94,20 @@ function(turbomap_compile_quickly target)
   endif()
 endfunction()
 
+option(TURBOMAP_LINK_PROGRAMS "Off, in a build with CUDA: of the programs, what is for a device is compiled, and nothing runs" ON)
+
 # turbomap_add_program(NAME SOURCE... [CUDA_SOURCES SOURCE.cu...])
 # An executable <build>/bin/NAME. In a build with CUDA, CUDA_SOURCES are part of it and TURBOMAP_PROGRAM_WITH_CUDA=1 is
 # defined in all its files. nvcc is never given a .cpp: it cannot compile Thrust's OpenMP backend there, so a .cu file names
 # no OpenMP policy.
 function(turbomap_add_program name)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "CUDA_SOURCES")
+  if(TURBOMAP_WITH_CUDA AND NOT TURBOMAP_LINK_PROGRAMS)
+    add_library(${name} OBJECT ${arg_CUDA_SOURCES})
+    target_link_libraries(${name} PRIVATE turbomap_developer)
+    target_compile_definitions(${name} PRIVATE TURBOMAP_PROGRAM_WITH_CUDA=1)
+    return()
+  endif()
   add_executable(${name} ${arg_UNPARSED_ARGUMENTS})
   target_link_libraries(${name} PRIVATE turbomap_developer)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY "${turbomap_BINARY_DIR}/bin")

@@ -68,6 +68,7 @@ set(turbomap_busy_tests "correspondence_search|epipolar_order|track_creation|fil
 string(APPEND turbomap_busy_tests "|local_map_search|simulation|batch_bound|schur_system|interleavings|test_preintegration")
 string(APPEND turbomap_busy_tests "|initialise|point_uncertainty|global_adjustment|projection_search|byte_budget|map_mirror")
 string(APPEND turbomap_busy_tests "|adjustment_memory|duplicate_fusion|same_bits|extraction_opencv|keypoint_offset|uncertain_points")
+string(APPEND turbomap_busy_tests "|cholesky|motion_only|error_parts|bad_rows")
 
 # turbomap_test_kind(SOURCE RESULT): 'optimised', 'busy', or 'quick', which is all others.
 function(turbomap_test_kind source result)
@@ -127,8 +128,8 @@ function(turbomap_name_test name label)
 endfunction()
 
 # How many tests, on the host of one folder, are one unit at most: more take too much memory, and would leave a core without work at the end.
-set(turbomap_group.cpp 4)
-set(turbomap_group.cu 3)
+set(turbomap_group.cpp 8)
+set(turbomap_group.cu 6)
 
 # turbomap_test_place(SOURCE RESULT): where SOURCE stands in a unit of several tests. 'inside' a namespace of its own; 'last', and
 # outside, where it adds to a namespace of the library's or of the tests'; 'alone' where it defines a macro, asks for a header by
