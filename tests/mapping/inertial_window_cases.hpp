@@ -237,12 +237,14 @@ template <class Policy>
 void check_unusable_imu_data(const Policy& policy) {
   using turbomap::map_fault;
   constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
-  for (int what = 0; what < 7; ++what) {
+  for (int what = -2; what < 7; ++what) {
     CAPTURE(what);
     inertial_map_scene s;
     const auto k = s.keyframes[11];
     turbomap::preintegration<double> p = *s.map.motion(k);
     map_fault expected = map_fault::bad_motion;
+    if (what == -2) p.dV.y = 1000 * p.dt, s.map.set_motion(k, p);  // 100 g all the time
+    if (what == -1) p.dP = {0, 0, 1e10}, s.map.set_motion(k, p);
     if (what == 0) p.dV.x = nan_value, s.map.set_motion(k, p);
     if (what == 1) p.C_PP(1, 1) = std::numeric_limits<double>::infinity(), s.map.set_motion(k, p);
     if (what == 2) p.dt = 0, s.map.set_motion(k, p);

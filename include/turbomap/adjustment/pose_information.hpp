@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// What is seen from a frame says where it stands: the normal equations of its pose alone, landmarks taken as exact. For priors of
-/// frames that leave a window, whose landmarks stay.
+/// What is seen from a frame says where it stands: the normal equations of its pose alone, landmarks taken as exact. For
+/// priors of frames that leave a window, whose landmarks stay.
 
 #include <cstddef>
 #include <cstdint>

@@ -110,8 +110,8 @@ inline bool make_pose_prior(const inertial_state<double>& x, const pose_informat
 ///     out.add(bias_walk_factor{}, walk, oldest, next);
 ///     marginal_prior_factor::row prior = out.prior(next);
 ///
-/// Landmarks that stay in the window are not marginalised: every frame that sees one would be joined to all others. What the frame saw
-/// of them says where it stood, with make_pose_prior().
+/// Landmarks that stay in the window are not marginalised: every frame that sees one would be joined to all others. What
+/// the frame saw of them says where it stood, with make_pose_prior().
 class state_marginaliser {
  public:
   /// No factors. \param held  unknowns of the frame that leaves which are known, as bits of frame_input::held. The memory stays

@@ -59,7 +59,8 @@ inline const char* to_string(map_fault fault) {
     case map_fault::bad_inertial_state:
       return "a velocity or a bias of the IMU that is not finite";
     case map_fault::bad_motion:
-      return "a preintegration that is not finite, or does not last as long as its keyframes are apart";
+      return "a preintegration that is not finite, asks for more force than there is, or does not last as long as its "
+             "keyframes are apart";
     case map_fault::no_descriptor:
       return "a point without descriptor, or with one of too few elements";
   }

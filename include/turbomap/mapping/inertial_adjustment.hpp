@@ -45,6 +45,7 @@ inline void check(const inertial_adjustment_options& o) {
   require(o.fewest_edges >= 0, "options.fewest_edges", o.fewest_edges, "must not be negative");
   require(o.near_depth >= 0, "options.near_depth", o.near_depth, "must not be negative");
   require(o.max_time_error >= 0, "options.max_time_error", o.max_time_error, "must not be negative");
+  check_positive("options.max_force", o.max_force);
 }
 
 /// As local_adjustment, with inertial_traits<Map>. The window is an inertial_window; its size, iterations and damping are those

@@ -31,6 +31,9 @@ struct inertial_adjustment_options {
   /// s: a motion whose duration differs by more from the time between its keyframes is refused: it belongs to other ones. Ours:
   /// two periods at 200 Hz.
   double max_time_error = 0.01;
+  /// m/s^2: a motion whose velocity or position asks for a larger mean force per mass is refused: no sensor felt it, and one such edge
+  /// would drag the window along. Ours: 100 times gravity.
+  double max_force = 1000;
 };
 
 }  // namespace turbomap

@@ -49,7 +49,8 @@ class inertial_window : public adjustment_window<Map> {
   /// keep velocity and biases; where no fixed frame is before a hole's end, the biases of the first frame after it are held.
   /// \param known  asked for what is known of the last frame; null: nothing is, it is fixed
   /// \throws inconsistent_map  as adjustment_window, and a motion, velocity or bias that is not finite, or a motion of another
-  ///         duration than the time between its keyframes; where the scope notes faults, these are passed over
+  ///         duration than the time between its keyframes, or beyond options.max_force; where the scope notes faults, these are
+  ///         passed over
   template <class Policy>
   void choose(const mapping_scope<Map, Policy>& s, keyframe current, const inertial_window_options& window,
               const inertial_adjustment_options& options, border_prior* known = nullptr) {
@@ -188,7 +189,10 @@ class inertial_window : public adjustment_window<Map> {
     if (usable_[f] == 0 || usable_[f + 1] == 0 || !inertial::motion(s.map, this->frames_[f], motion)) return false;
     const double end = traits::time(s.map, this->frames_[f]), begin = traits::time(s.map, this->frames_[f + 1]);
     const double error = motion.dt - (end - begin);
-    if (detail::is_usable(motion) && error <= options.max_time_error && -error <= options.max_time_error) return true;
+    const auto felt = [&](const vec3<double>& moved, double time) { return norm(moved) <= options.max_force * time; };
+    if (detail::is_usable(motion) && error <= options.max_time_error && -error <= options.max_time_error &&
+        felt(motion.dV, motion.dt) && felt(motion.dP, motion.dt * motion.dt / 2))
+      return true;
     s.faults({map_fault::bad_motion, this->frames_.ids()[f], 0, 0});
     return false;
   }
