@@ -102,7 +102,7 @@ option(TURBOMAP_LINK_PROGRAMS "Off, in a build with CUDA: of the programs, what 
 # no OpenMP policy.
 function(turbomap_add_program name)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "CUDA_SOURCES")
-  if(TURBOMAP_WITH_CUDA AND NOT TURBOMAP_LINK_PROGRAMS)
+  if(TURBOMAP_WITH_CUDA AND NOT TURBOMAP_LINK_PROGRAMS AND NOT TURBOMAP_HOST_TESTS)
     add_library(${name} OBJECT ${arg_CUDA_SOURCES})
     target_link_libraries(${name} PRIVATE turbomap_developer)
     target_compile_definitions(${name} PRIVATE TURBOMAP_PROGRAM_WITH_CUDA=1)

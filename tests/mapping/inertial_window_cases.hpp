@@ -217,7 +217,7 @@ void check_refused(const Policy& policy) {
   options.solve.stop = &stop;
   CHECK(run(13, options).solve.end == turbomap::adjustment_end::stopped);
   CHECK(run.adjust(run.scope(), {}, {}).stale);
-  for (int bad = 0; bad < 6; ++bad) {
+  for (int bad = 0; bad < 8; ++bad) {
     turbomap::inertial_adjustment_options o;
     if (bad == 0) o.window.keyframes = 0;
     if (bad == 1) o.large.iterations = 0;
@@ -225,6 +225,8 @@ void check_refused(const Policy& policy) {
     if (bad == 3) o.most_observers = -1;
     if (bad == 4) o.max_time_error = nan_value;
     if (bad == 5) o.large.robust_chi2 = 0;
+    if (bad == 6) o.max_force = 0;
+    if (bad == 7) o.max_force = nan_value;
     CHECK_THROWS_AS(run(13, {}, o), std::invalid_argument);
   }
   s.map.set_gravity({0, nan_value, -9.81});

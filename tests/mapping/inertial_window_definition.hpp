@@ -98,7 +98,7 @@ inline std::vector<turbomap::inertial_state<double>> adjusted_by_definition(
     for (std::size_t f = 0; f < frames.size(); ++f)
       for (std::size_t i = 0; i < s.map.keypoints(s.keyframes[frames[f]]).size(); ++i) {
         if (!(s.map.point_at(s.keyframes[frames[f]], i) == s.points[l])) continue;
-        const auto& k = s.map.keypoints(s.keyframes[frames[f]])[i];
+        const turbomap::keypoint k = s.map.keypoints(s.keyframes[frames[f]])[i];
         frame.push_back(static_cast<std::int32_t>(f)), landmark.push_back(static_cast<std::int32_t>(points.size()));
         pixel.push_back({static_cast<double>(k.x), static_cast<double>(k.y), static_cast<double>(k.u_right)});
       }

@@ -58,7 +58,7 @@ struct stale_map {
 };
 
 template <class Policy, class Camera>
-void check_against_oracle(const test_rig<Camera>& rig, unsigned seed) {
+void check_update(const test_rig<Camera>& rig, unsigned seed) {
   stale_map<mapped<Camera>, Camera, Policy> s(rig, seed);
   oracle_world<Camera> world(s.scene, s.run);
   std::vector<oracle_id> all;
@@ -71,8 +71,8 @@ void check_against_oracle(const test_rig<Camera>& rig, unsigned seed) {
 }
 
 TEST_CASE_TEMPLATE("all points, against the oracle", Policy, TURBOMAP_TEST_POLICIES) {
-  check_against_oracle<Policy>(pinhole_rig(50), 1);
-  check_against_oracle<Policy>(fisheye_rig(2), 2);
+  check_update<Policy>(pinhole_rig(50), 1);
+  check_update<Policy>(fisheye_rig(2), 2);
 }
 
 TEST_CASE("dead, empty, repeated and unobserved points are passed over") {

@@ -72,6 +72,20 @@ TEST_CASE("what is known of the keyframe before a window, and what is not") {
     CHECK_FALSE(is_known(run, 13, 2));
   }
   SUBCASE("nobody did") { CHECK(is_known(run, 13, 2)); }
+  SUBCASE("somebody told it another velocity") {
+    const auto k = scene.keyframes[11];
+    scene.map.set_velocity(k, scene.map.velocity(k) + vec3<double>{1e-3, 0, 0});
+    CHECK_FALSE(is_known(run, 13, 2));
+  }
+  SUBCASE("gravity is another") {
+    scene.map.set_gravity(scene.map.gravity() + vec3<double>{0.01, 0, 0});
+    CHECK_FALSE(is_known(run, 13, 2));
+  }
+  SUBCASE("the keyframes that left the window are erased: what they knew stays") {
+    run(13, to_the_end(), windows(5, true));
+    for (std::size_t f = 0; f < 10; ++f) turbomap::erase_keyframe(scene.map, scene.keyframes[f]);
+    CHECK(is_known(run, 13, 3));
+  }
   SUBCASE("forgotten, and where the option was off in between") {
     run(13, to_the_end(), windows(4, true));
     CHECK(is_known(run, 13, 3));
@@ -84,8 +98,13 @@ TEST_CASE("what is known of the keyframe before a window, and what is not") {
   SUBCASE("nothing is known beyond a hole in the chain") {
     scene.map.clear_motion(scene.keyframes[11]);
     run(13, to_the_end(), windows(4, true));
-    CHECK_FALSE(is_known(run, 13, 2));
-    CHECK(is_known(run, 13, 1));
+    SUBCASE("where it ends") { CHECK_FALSE(is_known(run, 13, 2)); }
+    SUBCASE("behind it") { CHECK_FALSE(is_known(run, 13, 1)); }
+    SUBCASE("from the next window on") {
+      disturb(scene, 2);  // there is something to adjust, and to keep
+      CHECK_FALSE(is_known(run, 13, 2));
+      CHECK(is_known(run, 13, 1));
+    }
   }
   SUBCASE("where the map begins, its first keyframe keeps the gauge") {
     const auto pose = scene.map.T_cw(scene.keyframes[0]);

@@ -10,6 +10,7 @@
 #include <cstdint>
 
 #include "../config.hpp"
+#include "../error.hpp"
 #include "../math/linear.hpp"
 #include "../plain_vector.hpp"
 #include "../span.hpp"
@@ -20,20 +21,23 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// H step = b of a pose: a step as of pose_frame.
+/// H step = b of a pose: a step as of pose_frame, rad and m.
 struct pose_information {
-  double H[21] = {};  ///< lower triangle, row by row
-  double b[6] = {};   ///< the negative gradient
+  double H[21] = {};  ///< lower triangle, row by row; 1 / (unit of the step)^2
+  double b[6] = {};   ///< the negative gradient; 1 / unit of the step
 };
 
-/// Sums the rows of the first frames, with the weights of their Huber kernels. Rows that are not defined are left out.
+/// Sums the rows of the first frames, with the weights of their Huber kernels. Rows that are not defined are left out; `stereo`
+/// must be empty.
 /// \param T_cw       by frame, world to camera, at which rows are linearised
 /// \param landmarks  by landmark, world, m
 /// \param sums       as many as frames are asked for
+/// \throws std::invalid_argument  rows.stereo is given
 /// On the host, whatever the policy. O(rows)
 template <class Camera>
 void sum_pose_information(const reprojections<Camera, huber>& rows, span<const rigid_transform<double>> T_cw,
                           span<const vec3<double>> landmarks, plain_vector<pose_information>& sums) {
+  require(rows.stereo.empty(), "rows.stereo.size()", rows.stereo.size(), "must be 0");
   plain_vector<adjustment_camera<Camera>> cameras;
   for (int c = 0; c < rows.rig.size(); ++c)
     cameras.push_back(adjustment_camera<Camera>(rows.rig[c], rows.stereo_correlation));

@@ -76,20 +76,27 @@ inline bool is_finite(const vec3<double>& v) { return is_finite(v.x) && is_finit
 inline bool is_finite(const imu_bias<double>& b) { return is_finite(b.gyro) && is_finite(b.acceleration); }
 /// Whether an adjustment can use it.
 inline bool is_usable(const preintegration<double>& p) { return p.dt > 0 && is_finite(p.dt + sum_of_elements(p)); }
+/// Whether its velocity and position need no larger mean force per mass than max_force, m/s^2.
+inline bool is_felt(const preintegration<double>& p, double max_force) {
+  return norm(p.dV) <= max_force * p.dt && norm(p.dP) <= max_force * p.dt * p.dt / 2;
+}
 }  // namespace detail
 
 /// A keyframe is about to leave the map: what the IMU measured to it and from it on becomes one motion of the keyframe that
-/// follows in time, merge(). Where one of the two is not known, or not finite, that one's is not known either. Call it under the
-/// guard, before erase_keyframe(); local_mapper does so. O(1), and what join_samples() takes.
+/// follows in time, merge(). Where one of the two is not known, not finite or beyond max_force, that one's is not known either. Call
+/// it under the guard, before erase_keyframe(); local_mapper does so. O(1), and what join_samples() takes.
+/// \param max_force  as inertial_adjustment_options::max_force
 template <class Map>
-void bridge_motion(Map& map, const typename map_traits<Map>::keyframe& removed) {
+void bridge_motion(Map& map, const typename map_traits<Map>::keyframe& removed, double max_force = 1000) {
   using traits = inertial_traits<Map>;
   static_assert(require_inertial_traits<Map>());
   const auto after = map_traits<Map>::next(map, removed);
   if (after == typename map_traits<Map>::keyframe{}) return;
   preintegration<double> to, from;
-  if (!traits::motion(map, removed, to) || !traits::motion(map, after, from) || !detail::is_usable(to) ||
-      !detail::is_usable(from))
+  const auto sound = [&](const preintegration<double>& p) {
+    return detail::is_usable(p) && detail::is_felt(p, max_force);
+  };
+  if (!traits::motion(map, removed, to) || !traits::motion(map, after, from) || !sound(to) || !sound(from))
     return traits::clear_motion(map, after);
   traits::set_motion(map, after, merge(to, from));
   if constexpr (detail::inertial_has_v<Map, detail::inertial_join_member>) traits::join_samples(map, removed, after);

@@ -25,11 +25,11 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// An adjustment_window whose first frames, the *chain*, follow each other back in time from the current keyframe. The last of
-/// them is fixed: the keyframe before those that move. Where the map begins with them, the oldest one keeps its pose, and until
-/// there are options.fewest_edges its biases. While the estimates are young (refined() of the traits), it keeps its place alone: the
-/// map may turn until gravity points where the map says. Where a border_prior knows of the
-/// last one, it moves as well.
+/// An adjustment_window whose first frames, the *chain*, follow each other back in time from the current keyframe. The last
+/// of them, the keyframe before those that move, is fixed, unless a border_prior knows of it: then it moves, too. Where the
+/// map begins with them, the oldest one keeps its pose, and until there are options.fewest_edges its biases. While the
+/// estimates are young (refined() of the traits), it keeps its place alone: the map may turn until gravity points where the
+/// map says.
 template <class Map>
 class inertial_window : public adjustment_window<Map> {
   using base = adjustment_window<Map>;
@@ -58,11 +58,12 @@ class inertial_window : public adjustment_window<Map> {
     follow(s, current, static_cast<std::size_t>(window.keyframes));
     if (chain_ == 0) return;
     const std::size_t border = chain_ - 1;
-    if (known != nullptr && !begins_ && usable_[border] != 0)
-      prior_ = known->of(this->frames_.ids()[border], this->frames_.T_cw()[border]);
+    if (known != nullptr && usable_[border] != 0) prior_ = known->of(this->frames_.ids()[border], states_[border]);
+    if (begins_ && prior_ && prior_->first) prior_.reset();
     join(s, window, options);
-    if (prior_ || (begins_ && border > 0)) this->fixed_[border] = 0;
-    if (begins_ && border > 0) {
+    const bool first = begins_ && border > 0 && !prior_;
+    if (prior_ || first) this->fixed_[border] = 0;
+    if (first) {
       // Of a rotation gravity tells two parts, and heading is nobody's: nothing moves it.
       const bool told = joined_ >= static_cast<std::size_t>(options.fewest_edges), turns = told && !is_refined(s.map);
       held_[border] |= turns ? inertial_frame::hold_centre : inertial_frame::hold_pose;
@@ -126,7 +127,7 @@ class inertial_window : public adjustment_window<Map> {
   const plain_vector<std::uint32_t>& held() const { return held_; }               ///< by frame: frame_input::held
   /// What the IMU measured between frames that follow each other, and how biases may walk.
   const inertial_edges& edges() const { return edges_; }
-  /// What is known of velocity and biases of the last frame of the chain; null: nothing beside its edge.
+  /// What is known of the last frame of the chain from those before it; null: nothing.
   const border_prior::knowledge* prior() const { return prior_ ? &*prior_ : nullptr; }
 
  private:
@@ -177,8 +178,8 @@ class inertial_window : public adjustment_window<Map> {
       held_[f + 1] = last ? 0 : inertial_frame::hold_biases;  // until the edge before it is found
     }
     if (!prior_) return;
-    if (held_[chain_ - 1] != 0)
-      prior_.reset();  // no edge leads to it
+    if ((held_[chain_ - 1] & inertial_frame::hold_velocity) != 0)
+      prior_.reset();  // no edge leads from it
     else
       held_[chain_ - 1] = prior_->held;
   }
@@ -189,9 +190,8 @@ class inertial_window : public adjustment_window<Map> {
     if (usable_[f] == 0 || usable_[f + 1] == 0 || !inertial::motion(s.map, this->frames_[f], motion)) return false;
     const double end = traits::time(s.map, this->frames_[f]), begin = traits::time(s.map, this->frames_[f + 1]);
     const double error = motion.dt - (end - begin);
-    const auto felt = [&](const vec3<double>& moved, double time) { return norm(moved) <= options.max_force * time; };
-    if (detail::is_usable(motion) && error <= options.max_time_error && -error <= options.max_time_error &&
-        felt(motion.dV, motion.dt) && felt(motion.dP, motion.dt * motion.dt / 2))
+    if (detail::is_usable(motion) && detail::is_felt(motion, options.max_force) && error <= options.max_time_error &&
+        -error <= options.max_time_error)
       return true;
     s.faults({map_fault::bad_motion, this->frames_.ids()[f], 0, 0});
     return false;
