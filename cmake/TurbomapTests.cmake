@@ -68,7 +68,7 @@ set(turbomap_busy_tests "correspondence_search|epipolar_order|track_creation|fil
 string(APPEND turbomap_busy_tests "|local_map_search|simulation|batch_bound|schur_system|interleavings|test_preintegration")
 string(APPEND turbomap_busy_tests "|initialise|point_uncertainty|global_adjustment|projection_search|byte_budget|map_mirror")
 string(APPEND turbomap_busy_tests "|adjustment_memory|duplicate_fusion|same_bits|extraction_opencv|keypoint_offset|uncertain_points")
-string(APPEND turbomap_busy_tests "|cholesky|motion_only|error_parts|bad_rows")
+string(APPEND turbomap_busy_tests "|cholesky|motion_only|error_parts|bad_rows|border_prior|inertial_window")
 
 # turbomap_test_kind(SOURCE RESULT): 'optimised', 'busy', or 'quick', which is all others.
 function(turbomap_test_kind source result)
