@@ -429,7 +429,7 @@ class local_mapper {
   }
   /// Of a keyframe that leaves the map: its successor's begins earlier. Without an IMU there is none.
   void merge_motion([[maybe_unused]] const stage_keyframe& leaving) {
-    if constexpr (inertial) stage_adjustment::erasing(working_.get(), leaving);
+    if constexpr (inertial) stage_adjustment::erasing(working_.get(), leaving, options_.inertial);
   }
   void cull_covisible(stage_keyframe current, const scope& s) {
     keyframe_culling_options options = options_.keyframe_culling;

@@ -338,6 +338,17 @@ TEST_CASE("keyframes are culled: their motions merged are those integrated anew"
   }
 }
 
+TEST_CASE("a keyframe that leaves: its motion is merged unless it is beyond the force that the options allow") {
+  using stage = inertial_run<sequential>::adjustment;
+  for (const bool allowed : {true, false}) {
+    inertial_map_scene s;
+    turbomap::inertial_adjustment_options options;
+    if (!allowed) options.max_force = 1;  // gravity alone is more
+    stage::erasing(s.map, s.keyframes[5], options);
+    CHECK((s.map.motion(s.keyframes[6]) != nullptr) == allowed);
+  }
+}
+
 TEST_CASE("a bias that moved far: the samples are integrated again") {
   inertial_map_scene s;
   using inertial = turbomap::inertial_traits<inertial_map>;

@@ -43,6 +43,7 @@
 #include <utility>
 
 #include "../config.hpp"
+#include "../inertial/inertial_window_options.hpp"
 #include "../inertial/merge.hpp"
 #include "../inertial/preintegration.hpp"
 #include "../math/functions.hpp"
@@ -87,7 +88,7 @@ inline bool is_felt(const preintegration<double>& p, double max_force) {
 /// it under the guard, before erase_keyframe(); local_mapper does so. O(1), and what join_samples() takes.
 /// \param max_force  as inertial_adjustment_options::max_force
 template <class Map>
-void bridge_motion(Map& map, const typename map_traits<Map>::keyframe& removed, double max_force = 1000) {
+void bridge_motion(Map& map, const typename map_traits<Map>::keyframe& removed, double max_force = default_max_force) {
   using traits = inertial_traits<Map>;
   static_assert(require_inertial_traits<Map>());
   const auto after = map_traits<Map>::next(map, removed);

@@ -158,7 +158,9 @@ class inertial_adjustment {
   /// Whether the IMU of the map is initialised.
   static bool is_initialised(const Map& map) { return inertial_traits<Map>::initialised(map); }
   /// A keyframe is about to be erased: joins the motions before and after it.
-  static void erasing(Map& map, const keyframe& redundant) { bridge_motion(map, redundant); }
+  static void erasing(Map& map, const keyframe& redundant, const inertial_adjustment_options& options) {
+    bridge_motion(map, redundant, options.max_force);
+  }
   /// @}
 
   /// As of local_adjustment.

@@ -23,17 +23,17 @@ struct inertial_adjustment_options {
   /// and its orientation, stay. Ours: one more than the ten keyframes have that initialisation asks for; with nine edges, and few
   /// points, velocities become worse, not better (test_inertial_window_adjustment.cpp).
   int fewest_edges = 10;
-  /// What a keyframe that leaves the window knew of the next one becomes a prior of that one (border_prior.hpp): the keyframe before
-  /// the window moves then, too, and its edge counts in full. Off: it is fixed, and its edge counts as window.oldest_edge_weight
-  /// says.
+  /// What a keyframe that leaves the window knew of the next one becomes a prior of that one (border_prior.hpp): the
+  /// keyframe before the window moves then, too, and its edge counts in full. Off: it is fixed, and its edge counts as
+  /// window.oldest_edge_weight says.
   bool marginal_prior = false;
   double near_depth = 10;  ///< m: local_adjustment_options::near_depth
   /// s: a motion whose duration differs by more from the time between its keyframes is refused: it belongs to other ones. Ours:
   /// two periods at 200 Hz.
   double max_time_error = 0.01;
-  /// m/s^2: a motion whose velocity or position asks for a larger mean force per mass is refused: no sensor felt it, and one such edge
-  /// would drag the window along. Ours: 100 times gravity.
-  double max_force = 1000;
+  /// m/s^2: a motion whose velocity or position asks for a larger mean force per mass is refused: no sensor felt it, and
+  /// one such edge would drag the window along. When a keyframe is culled, it is not merged into the next one's.
+  double max_force = default_max_force;
 };
 
 }  // namespace turbomap
