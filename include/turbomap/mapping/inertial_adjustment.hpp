@@ -139,14 +139,9 @@ class inertial_adjustment {
     gates.near_depth = near_depth_;
     commit_(s, gates, summary, moving_frame{window_, states_});
     if (!keeps_prior_ || summary.stale) return;
-    border_.forget();  // until it has what follows, of this window
     seen_.assign(window_.chain(), {});
-    auto rows = measurements_.rows(window_, options);
-    information_.clear();
-    information_.append(rows.information.data(), rows.information.size());
-    for (const std::size_t row : commit_.rows_beyond_gates()) information_[row] = 0;
-    rows.information = information_;
-    sum_pose_information(rows, commit_.T_cw, commit_.positions, seen_);
+    sum_pose_information(measurements_.rows(window_, options), commit_.rows_beyond_gates(), commit_.T_cw,
+                         commit_.positions, seen_);
     border_.keep(window_, states_, seen_, factor_, used_);
   }
   /// Nothing that was learnt in earlier windows is used in the next one: local_mapper::reset() asks for it.
@@ -195,7 +190,7 @@ class inertial_adjustment {
     used_ = is_strong(s.map, current, inertial) ? inertial.large : inertial.window;
     used_.all_robust = used_.all_robust || !is_refined(s.map);
     near_depth_ = inertial.near_depth;
-    border_.forget_unless(factor_);
+    if (keeps_prior_) border_.forget_unless(factor_);
     window_.choose(s, current, used_, inertial, keeps_prior_ ? &border_ : nullptr);
   }
   /// The factor of the border, if something is known of it.
@@ -251,7 +246,6 @@ class inertial_adjustment {
   std::int32_t border_frame_ = 0;
   border_prior border_;
   plain_vector<pose_information> seen_;  ///< by frame of the chain
-  plain_vector<double> information_;     ///< by row; 0: it is beyond its gate
   window_measurements<Map, Policy> measurements_;
   bundle_problem<Policy, inertial_frame, reprojections<camera>, edges::factors, edges::robust_factors,
                  edges::walk_factors, border_factors>
