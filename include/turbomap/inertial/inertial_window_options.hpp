@@ -7,7 +7,8 @@
 
 namespace turbomap {
 
-/// m/s^2: no body that carries a camera feels a larger mean force per mass, so no motion asks for one: 100 times gravity. Ours.
+/// m/s^2: no body that carries a camera feels a larger mean force per mass, so no motion asks for one. Ours: 100 times
+/// gravity.
 inline constexpr double default_max_force = 1000;
 
 /// Defaults are those of [ORB-SLAM3]'s local inertial adjustment. The first three are for the caller, who chooses the window and

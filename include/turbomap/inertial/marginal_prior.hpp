@@ -114,7 +114,8 @@ inline bool make_pose_prior(const inertial_state<double>& x, const pose_informat
 /// the frame saw of them says where it stood, with make_pose_prior().
 class state_marginaliser {
  public:
-  /// No factors. \param held  unknowns of the frame that leaves which are known, as bits of frame_input::held. The memory stays
+  /// No factors; the memory stays.
+  /// \param held  unknowns of the frame that leaves which are known, as bits of frame_input::held
   void clear(std::uint32_t held = 0) { rows_.clear(), held_ = held; }
 
   /// A factor of the frame that leaves. \param weight  of its information, e.g. that of a robust kernel

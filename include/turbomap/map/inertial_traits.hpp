@@ -84,8 +84,8 @@ inline bool is_felt(const preintegration<double>& p, double max_force) {
 }  // namespace detail
 
 /// A keyframe is about to leave the map: what the IMU measured to it and from it on becomes one motion of the keyframe that
-/// follows in time, merge(). Where one of the two is not known, not finite or beyond max_force, that one's is not known either. Call
-/// it under the guard, before erase_keyframe(); local_mapper does so. O(1), and what join_samples() takes.
+/// follows in time, merge(). Where one of the two is not known, not finite or beyond max_force, that one's is not known
+/// either. Call it under the guard, before erase_keyframe(); local_mapper does so. O(1), and what join_samples() takes.
 /// \param max_force  as inertial_adjustment_options::max_force
 template <class Map>
 void bridge_motion(Map& map, const typename map_traits<Map>::keyframe& removed, double max_force = default_max_force) {

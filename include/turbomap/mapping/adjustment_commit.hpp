@@ -115,7 +115,8 @@ class adjustment_commit {
     });
   }
 
-  /// Numbers of the rows whose chi2 was beyond the gate, or whose point was behind its camera, at the last commit; ascending.
+  /// Numbers of the rows whose chi2 was beyond the gate, or whose point was behind its camera, at the last commit;
+  /// ascending.
   const plain_vector<std::size_t>& rows_beyond_gates() const { return beyond_; }
   /// The points that lost an observation as an outlier and live on.
   const list_of<point>& points_that_lost_views() const { return lost_views_; }

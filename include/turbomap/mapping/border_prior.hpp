@@ -67,9 +67,9 @@ class border_prior {
     ids_.append(window.frames().ids().data(), count);  // last: of what has no id here nothing is known
   }
 
-  /// What is known of a keyframe that is the border now. Empty: nothing is, since it was not in the window that was kept, since
-  /// an interval before it was not measured, or since its state is not the one that was written: who moves keyframes, e.g.
-  /// closes a loop, changes what is known of them. O(frames that left, times edges)
+  /// What is known of a keyframe that is the border now. Empty: nothing is, since it was not in the window that was kept,
+  /// since an interval before it was not measured, or since its state is not the one that was written: who moves keyframes,
+  /// e.g. closes a loop, changes what is known of them. O(frames that left, times edges)
   std::optional<knowledge> of(std::uint64_t id, const inertial_state<double>& x) {
     std::size_t f = 0;
     while (f < ids_.size() && ids_[f] != id) ++f;
