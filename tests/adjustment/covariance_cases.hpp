@@ -32,6 +32,15 @@ std::vector<double> covariance_of(const Policy& policy, const adjustment_scene& 
   return result;
 }
 
+/// How many directions nothing tells, at the scene's own estimate.
+template <class Policy>
+int directions_of(const Policy& policy, const adjustment_scene& s) {
+  turbomap::context<Policy> ctx{policy};
+  turbomap::bundle_problem<Policy, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
+  problem.assign(ctx, s.frame_input(), s.landmark_input(), s.group());
+  return turbomap::undetermined_directions(ctx, problem);
+}
+
 /// Largest difference, relative to the standard deviations of row and column.
 inline double relative_difference(const std::vector<double>& a, const std::vector<double>& b) {
   REQUIRE(a.size() == b.size());
@@ -51,9 +60,14 @@ void check_not_made_up(const Policy& policy) {
   const auto good = make_adjustment_scene(scene_kind::stereo, 5, 2, 25, 7);
   auto s = good;
   s.fixed.assign(s.fixed.size(), 0);
+  CHECK(directions_of(policy, good) == 0);
   CHECK(covariance_of(policy, s, {1}).empty());  // the gauge is free
+  CHECK(directions_of(policy, s) == 6);
   s = make_adjustment_scene(scene_kind::mono, 5, 1, 25, 7);
   CHECK(covariance_of(policy, s, {1}).empty());  // ... or the scale
+  CHECK(directions_of(policy, s) == 1);
+  s.fixed.assign(s.fixed.size(), 0);
+  CHECK(directions_of(policy, s) == 7);  // ... or both
   s = good;
   for (std::size_t i = s.frame.size(); i-- > 0;)
     if (s.frame[i] == 0) {
@@ -63,7 +77,8 @@ void check_not_made_up(const Policy& policy) {
       s.information.erase(s.information.begin() + static_cast<std::ptrdiff_t>(i));
       s.camera.erase(s.camera.begin() + static_cast<std::ptrdiff_t>(i));
     }
-  CHECK(covariance_of(policy, s, {0}).empty());           // a frame that sees nothing ...
+  CHECK(covariance_of(policy, s, {0}).empty());  // a frame that sees nothing ...
+  CHECK(directions_of(policy, s) == 6);
   CHECK_FALSE(covariance_of(policy, s, {1, 2}).empty());  // ... takes nothing from the others
   s = good;
   s.points[3].x = std::numeric_limits<double>::quiet_NaN();

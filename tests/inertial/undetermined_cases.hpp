@@ -24,6 +24,7 @@ namespace turbomap_test {
 struct told {
   turbomap::adjustment_summary summary;
   std::string known;  ///< [frame] by frame_covariance() at the start: 1, or 0
+  int directions;     ///< by undetermined_directions() at the start
   std::vector<inertial_state<double>> states;
 };
 
@@ -39,6 +40,7 @@ told tell(const Policy& policy, const inertial_scene& s) {
   told t;
   const std::size_t n = 15 * frames.size();
   for (std::size_t f = 0; f < frames.size(); ++f) t.known += std::isnan(covariance[15 * f * (n + 1)]) ? '0' : '1';
+  t.directions = turbomap::undetermined_directions(ctx, problem);
   t.summary = turbomap::adjust(ctx, problem);
   problem.frames(ctx, t.states);
   return t;
@@ -67,10 +69,12 @@ void check_untouched_velocity(const Policy& policy) {
   told t = tell(policy, s);  // the prior tells it
   CHECK(t.summary.undetermined == 0);
   CHECK(t.known == "11111");
+  CHECK(t.directions == 0);
   s.priors[0].velocity_weight = 0;
   t = tell(policy, s);
   CHECK(t.summary.undetermined == 3);
   CHECK(t.known == "11110");
+  CHECK(t.directions == 3);
   CHECK(t.summary.accepted > 0);
   CHECK(t.states[4].velocity.x == s.states[4].velocity.x);
   CHECK(t.states[4].bias.gyro.x != s.states[4].bias.gyro.x);
@@ -85,11 +89,13 @@ void check_free_heading(const Policy& policy) {
   told t = tell(policy, s);
   CHECK(t.summary.undetermined == 0);
   CHECK(t.known == "00000");
+  CHECK(t.directions == 1);
   CHECK(t.summary.accepted > 0);
   s.held[0] |= 1;  // an axis of the first rotation holds the heading of all
   t = tell(policy, s);
   CHECK(t.summary.undetermined == 0);
   CHECK(t.known == "11111");
+  CHECK(t.directions == 0);
 }
 
 /// The same of two frames that see nothing, and that an edge joins to each other only.
@@ -102,6 +108,7 @@ void check_untied_edge(const Policy& policy) {
   const told t = tell(policy, s);
   CHECK(t.summary.undetermined == 0);
   CHECK(t.known == "11100");
+  CHECK(t.directions == 6);
 }
 
 /// A frame with one landmark: three numbers touch its six unknowns, so none is counted, and it is not known.
@@ -112,14 +119,16 @@ void check_one_landmark(const Policy& policy) {
   s.prior_frame.clear(), s.priors.clear();
   s.held.assign(5, 0), s.held[4] = inertial_frame::visual_only;
   CHECK(tell(policy, s).known == "11111");
-  keep_observations(s, 4, 1);
+  keep_observations(s, 4, 1);  // without u_right: two numbers
   told t = tell(policy, s);
   CHECK(t.summary.undetermined == 0);
   CHECK(t.known == "11110");
+  CHECK(t.directions == 4);
   keep_observations(s, 4, 0);
   t = tell(policy, s);
   CHECK(t.summary.undetermined == 6);
   CHECK(t.known == "11110");
+  CHECK(t.directions == 6);
 }
 
 }  // namespace turbomap_test

@@ -3,7 +3,8 @@
 #pragma once
 
 /// \file
-/// How uncertain frames are, the landmarks' uncertainty included: their covariance at the current estimate.
+/// How uncertain frames are, the landmarks' uncertainty included: their covariance at the current estimate, and how many
+/// directions nothing tells.
 
 #include <cstddef>
 #include <cstdint>
@@ -19,6 +20,57 @@
 #include "profile_cholesky.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+
+/// What the residuals of a problem tell of its free frames: the matrix, factorised, and which unknowns it leaves open.
+struct frame_information {
+  profile_cholesky matrix;  ///< Frame::dof unknowns per free frame, in their order
+  /// [unknown] 1: it takes part in a direction that nothing tells, or is the first of a frame with a residual that is not
+  /// finite.
+  plain_vector<std::uint8_t> undetermined;
+};
+
+/// Computes it, on the host.
+template <class Policy, class Frame, class... Groups>
+void sum_information(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Policy>, Frame, Groups...>& problem,
+                     double tolerance, frame_information& of) {
+  require(tolerance >= 0 && tolerance < 1, "tolerance", tolerance, "must be in [0, 1)");
+  constexpr int D = Frame::dof;
+  auto& data = problem.data();
+  data.need_rows(ctx.policy());
+  const adjustment_structure& s = data.structure;
+  plain_vector<typename Frame::template state<double>> states;
+  plain_vector<vec3<double>> given, landmarks;
+  problem.frames(ctx, states), problem.landmarks(ctx, given);
+  for (const auto l : data.order.source()) landmarks.push_back(given[static_cast<std::size_t>(l)]);
+  residual_rows<D> rows;
+  information_sum<D> observed;
+  const auto& fixed = data.landmark_fixed.host();
+  if (data.finite)
+    std::apply([&](const auto&... g) { (g.list_rows(s, states.data(), landmarks.data(), rows), ...); }, data.groups);
+  for (auto& l : rows.landmark)
+    if (l >= 0 && !fixed.empty() && fixed[static_cast<std::size_t>(l)] != 0) l = -1;
+  observed.build(rows, s.free_frames, s.landmarks, data.held.host(), of.matrix);
+  of.matrix.factorise(tolerance, of.undetermined);
+  for (const auto f : rows.spoilt) of.undetermined[static_cast<std::size_t>(f) * D] = 1;
+}
+
+}  // namespace detail
+
+/// How many directions of the free frames' unknowns nothing tells at the current estimate: the dimension of the null space
+/// of the undamped normal equations, landmarks eliminated. Of a gauge that is free: 6, with one camera 7; of a heading: 1;
+/// of an unknown that no factor depends on: 1. Damping alone keeps an adjustment from moving along them, and
+/// adjustment_summary::undetermined counts only unknowns that nothing depends on at all. Residuals that are not finite are left out.
+/// \param tolerance, cost, source  as of frame_covariance
+/// \throws std::invalid_argument   a tolerance that is not in [0, 1)
+template <class Policy, class Frame, class... Groups>
+int undetermined_directions(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Policy>, Frame, Groups...>& problem,
+                            double tolerance = 1e-17) {
+  detail::frame_information information;
+  detail::sum_information(ctx, problem, tolerance, information);
+  return information.matrix.left_out();
+}
 
 /// Joint covariance of some frames of a problem at its current estimate, all other frames and the landmarks marginalised:
 /// the inverse of J^T W J without damping, W with the weights of the robust kernels. Unknowns are those of Frame::retract
@@ -41,28 +93,12 @@ bool frame_covariance(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Pol
                       span<const std::int32_t> frames, List& result, double tolerance = 1e-17) {
   for (std::size_t i = 0; i < frames.size(); ++i)
     require(frames[i] >= 0 && frames[i] < problem.frame_count(), "frames[i]", frames[i], "is not a frame");
-  require(tolerance >= 0 && tolerance < 1, "tolerance", tolerance, "must be in [0, 1)");
 
   constexpr int D = Frame::dof;
-  auto& data = problem.data();
-  data.need_rows(ctx.policy());
+  detail::frame_information information;
+  detail::sum_information(ctx, problem, tolerance, information);
+  const auto& data = problem.data();
   const adjustment_structure& s = data.structure;
-  plain_vector<typename Frame::template state<double>> states;
-  plain_vector<vec3<double>> given, landmarks;
-  problem.frames(ctx, states), problem.landmarks(ctx, given);
-  for (const auto l : data.order.source()) landmarks.push_back(given[static_cast<std::size_t>(l)]);
-  residual_rows<D> rows;
-  information_sum<D> observed;
-  profile_cholesky information;
-  plain_vector<std::uint8_t> undetermined;
-  const auto& fixed = data.landmark_fixed.host();
-  if (data.finite)
-    std::apply([&](const auto&... g) { (g.list_rows(s, states.data(), landmarks.data(), rows), ...); }, data.groups);
-  for (auto& l : rows.landmark)
-    if (l >= 0 && !fixed.empty() && fixed[static_cast<std::size_t>(l)] != 0) l = -1;
-  observed.build(rows, s.free_frames, s.landmarks, data.held.host(), information);
-  information.factorise(tolerance, undetermined);
-  for (const auto f : rows.spoilt) undetermined[static_cast<std::size_t>(f) * D] = 1;
 
   const std::size_t n = frames.size() * D;
   const auto free_of = [&](std::size_t i) { return s.free_of_frame[static_cast<std::size_t>(frames[i])]; };
@@ -74,7 +110,7 @@ bool frame_covariance(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Pol
   const auto unknown_frame = [&](std::size_t i) {
     if (free_of(i) < 0) return false;
     for (std::size_t k = 0; k < D; ++k)
-      if (undetermined[unknown_of(i * D + k)] != 0) return true;
+      if (information.undetermined[unknown_of(i * D + k)] != 0) return true;
     return false;
   };
   result.resize(n * n);
@@ -84,7 +120,7 @@ bool frame_covariance(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Pol
     const bool known = free_of(c / D) < 0 || held(c), lost = unknown_frame(c / D);
     all = all && !lost;
     x.assign(static_cast<std::size_t>(s.free_frames) * D, 0);
-    if (!known && !lost) x[unknown_of(c)] = 1, information.solve(x);
+    if (!known && !lost) x[unknown_of(c)] = 1, information.matrix.solve(x);
     for (std::size_t r = 0; r < n; ++r) {
       const bool row_known = free_of(r / D) < 0 || held(r);
       result[r * n + c] = lost || unknown_frame(r / D) ? std::numeric_limits<double>::quiet_NaN()

@@ -98,7 +98,8 @@ struct adjustment_summary {
   /// was defined there, and had a weight, depended on them. Damping alone kept them where they are. Held unknowns and those
   /// of landmarks are not among them. It counts unknowns one by one: directions that several have in common, as a scale, the
   /// heading of a chain of frames, or what one landmark leaves open of a pose, are damped without being counted.
-  /// frame_covariance() says of each frame whether it is determined. 0 where nothing was linearised.
+  /// undetermined_directions() counts those, and frame_covariance() says of each frame whether it is determined. 0 where nothing
+  /// was linearised.
   int undetermined = 0;
   /// Why it ended.
   adjustment_end end = adjustment_end::max_iterations;

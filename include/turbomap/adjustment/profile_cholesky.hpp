@@ -80,6 +80,13 @@ class profile_cholesky {
     solve_back(x, n_);
   }
 
+  /// How many unknowns factorise() took out: the dimension of what nothing tells.
+  int left_out() const {
+    int n = 0;
+    for (const auto out : out_) n += out;
+    return n;
+  }
+
  private:
   static constexpr double rounding = std::numeric_limits<wide>::epsilon();
   static std::size_t at(int i) { return static_cast<std::size_t>(i); }
