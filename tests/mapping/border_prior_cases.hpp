@@ -22,7 +22,7 @@ inline turbomap::local_adjustment_options to_the_end() {
 }
 inline turbomap::inertial_adjustment_options windows(int keyframes, bool prior) {
   auto o = window_of(keyframes);
-  o.window.iterations = 50, o.window.initial_lambda = 0, o.marginal_prior = prior;
+  o.window.iterations = 50, o.marginal_prior = prior;
   return o;
 }
 

@@ -10,6 +10,7 @@
 
 #include <cstddef>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -119,10 +120,15 @@ void check_divergence(const Policy& policy) {
 /// A damping that lets nothing move is given up for the one that the options stand for by themselves.
 template <class Policy>
 void check_endless_damping(const Policy& policy) {
-  for (const double lambda : {1e100, 1e300}) {
+  using turbomap::damping_rule;
+  const std::vector<std::pair<damping_rule, double>> rules{
+      {damping_rule::identity, 1e100}, {damping_rule::identity, 1e300}, {damping_rule::diagonal, 1e100}};
+  for (const auto& [rule, lambda] : rules) {
+    CAPTURE(static_cast<int>(rule));
+    CAPTURE(lambda);
     inertial_map_scene s;
     auto inertial = window_of(8);
-    inertial.window.initial_lambda = lambda;
+    inertial.window.damping = rule, inertial.window.initial_lambda = lambda;
     const auto summary = adjust_as_on_host(policy, s, 13, inertial);
     REQUIRE(summary.solve.accepted > 0);
     CHECK(summary.solve.each[0].steps == 2);

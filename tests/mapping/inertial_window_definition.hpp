@@ -115,8 +115,8 @@ inline std::vector<turbomap::inertial_state<double>> adjusted_by_definition(
   problem.assign(ctx, {states, fixed, held}, {points, {}}, seen, edges.plain(factor), edges.robust(factor, window),
                  edges.walks());
   turbomap::adjustment_options solve = options.solve;
-  solve.damping = turbomap::damping_rule::identity;
-  solve.max_iterations = window.iterations, solve.initial_lambda = window.initial_lambda;
+  solve.max_iterations = window.iterations;
+  solve.damping = window.damping, solve.initial_lambda = window.initial_lambda;
   using float64 = turbomap::adjustment_methods<turbomap::adjustment_methods<>::solvers,
                                                turbomap::precision_list<turbomap::precision::float64>>;
   turbomap::adjust<float64>(ctx, problem, solve);

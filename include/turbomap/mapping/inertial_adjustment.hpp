@@ -124,7 +124,7 @@ class inertial_adjustment {
                     window_.edges().robust(factor_, used_), window_.edges().walks(), prior_of_border());
     adjustment_options solve = options.solve;
     solve.max_iterations = used_.iterations;
-    if (used_.initial_lambda > 0) solve.damping = damping_rule::identity, solve.initial_lambda = used_.initial_lambda;
+    solve.damping = used_.damping, solve.initial_lambda = used_.initial_lambda;
     summary.solve = adjust<Methods>(s.ctx, problem_, solve);
     if (summary.solve.accepted == 0) return false;
     problem_.template results<0>(s.ctx, states_, commit_.positions, commit_.chi2, commit_.depth);
