@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// What every solver must make of a visual-inertial problem under every policy, host or device: the same bits each time, what
-/// thrust::seq makes within rounding, and unknowns that are held where they were.
+/// What every solver must make of a visual-inertial problem under every policy, host or device: the same bits each
+/// time, what thrust::seq makes within rounding, and unknowns that are held where they were.
 
 #include <doctest/doctest.h>
 
@@ -66,11 +66,11 @@ inline inertial_scene reordered(const inertial_scene& s, std::vector<std::int32_
   return t;
 }
 
-/// Every solver in every precision, in both orders of the rows. In float64 all numbers of the result are within 1e-9 of what
-/// thrust::seq gives (distance(): metres, m/s, rad/s, m/s^2, relative beyond 1). Measured between -ffp-contract=off and
-/// fused multiply-add, and between the two orders: 3e-14 of the states, 2e-11 of the points. Of points, because one camera
-/// saw some of them from one place only. More iterations would not bring results closer together: at the optimum damping
-/// has gone, and these points differ by 9e-10.
+/// Every solver in every precision, in both orders of the rows. In float64 all numbers of the result are within 1e-9
+/// of what thrust::seq gives (distance(): metres, m/s, rad/s, m/s^2, relative beyond 1). Measured between
+/// -ffp-contract=off and fused multiply-add, and between the two orders: 3e-14 of the states, 2e-11 of the points. Of
+/// points, because one camera saw some of them from one place only. More iterations would not bring results closer
+/// together: at the optimum damping has gone, and these points differ by 9e-10.
 template <class Policy>
 void check_solvers(const Policy& policy, bool some_are_held) {
   using turbomap::precision;
@@ -94,8 +94,8 @@ void check_solvers(const Policy& policy, bool some_are_held) {
       CHECK(same_bits(a.summary, b.summary));
       CHECK(same_bits(a.states, b.states));
       CHECK(same_bits(a.points, b.points));
-      // mixed: float32 rounds derivatives otherwise than on the host, and four iterations do not end at the optimum, where
-      // that would not matter: 2.4e-6 was measured. float32: residuals of pixels too.
+      // mixed: float32 rounds derivatives otherwise than on the host, and four iterations do not end at the optimum,
+      // where that would not matter: 2.4e-6 was measured. float32: residuals of pixels too.
       const double relative = numbers == precision::float64 ? 1e-9 : numbers == precision::mixed ? 1e-5 : 1e-4;
       CHECK(a.summary.accepted == 4);
       CHECK(std::abs(a.summary.cost_initial - host.summary.cost_initial) <= 0.1 * relative * host.summary.cost_initial);

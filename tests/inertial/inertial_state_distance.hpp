@@ -14,8 +14,8 @@
 
 namespace turbomap_test {
 
-/// The largest difference of a number of two states: elements of the quaternion, m, m/s, rad/s, m/s^2; beyond 1 of these units
-/// relative to the number in b. NaN where a result holds one.
+/// The largest difference of a number of two states: elements of the quaternion, m, m/s, rad/s, m/s^2; beyond 1 of
+/// these units relative to the number in b. NaN where a result holds one.
 inline double distance(const std::vector<turbomap::inertial_state<double>>& a,
                        const std::vector<turbomap::inertial_state<double>>& b) {
   if (a.size() != b.size()) return HUGE_VAL;

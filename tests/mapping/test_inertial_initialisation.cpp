@@ -13,7 +13,7 @@
 #include <mutex>
 #include <stdexcept>
 
-#include "inertial_adjustment_cases.hpp"
+#include "inertial_initialisation_cases.hpp"
 
 namespace turbomap_test {
 
@@ -81,25 +81,6 @@ namespace {
 
 using namespace turbomap_test;
 using turbomap::initialisation_end;
-
-/// A map that knows its poses, but nothing of the IMU; in another unit of length, and with biases of 0.
-inertial_map_scene visual_scene(double unit, unsigned seed = 1, int keyframes = 20) {
-  inertial_map_scene s({keyframes, 10, seed, 0.0, 0.0});
-  for (std::size_t i = 0; i < s.keyframes.size(); ++i) {
-    const auto k = s.keyframes[i];
-    auto T = s.truth[i].T_cw;
-    T.tx *= unit, T.ty *= unit, T.tz *= unit;
-    s.map.set_pose(k, T), s.map.set_velocity(k, {0, 0, 0}), s.map.set_bias(k, {});
-    if (i == 0) continue;
-    const auto h = s.samples_between(static_cast<int>(i) - 1, static_cast<int>(i));
-    s.map.set_motion(k, turbomap::preintegrate(h, imu_bias<double>{}, {}), h);
-  }
-  for (std::size_t l = 0; l < s.points.size(); ++l)
-    inertial_map_traits::set_position(
-        s.map, s.points[l], {unit * s.true_points[l].x, unit * s.true_points[l].y, unit * s.true_points[l].z});
-  s.map.set_initialised(false), s.map.set_gravity({0, 0, 0});
-  return s;
-}
 
 TEST_CASE("gravity, velocities, biases and the scale are those of the truth") {
   using turbomap::norm;

@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "inertial_initialisation_cases.hpp"
 #include "inertial_window_cases.hpp"
 #include "support/policies.hpp"
 
@@ -280,6 +281,10 @@ TEST_CASE_TEMPLATE("stopped before it began, a dead keyframe, bad options: the m
 
 TEST_CASE_TEMPLATE("IMU data that cannot be used: refused, or noted and passed over", Policy, TURBOMAP_TEST_POLICIES) {
   check_unusable_imu_data(Policy{});
+}
+
+TEST_CASE_TEMPLATE("windows after an initialisation", Policy, TURBOMAP_TEST_TWO_POLICIES) {
+  check_after_initialisation(Policy{});
 }
 
 TEST_CASE_TEMPLATE("a window of which keyframes were culled", Policy, TURBOMAP_TEST_POLICIES) {

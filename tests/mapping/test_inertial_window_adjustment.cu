@@ -11,6 +11,7 @@
 
 #include "border_prior_cases.hpp"
 #include "inertial_divergence_cases.hpp"
+#include "inertial_initialisation_cases.hpp"
 #include "inertial_window_cases.hpp"
 #include "support/stream.cuh"
 
@@ -56,6 +57,11 @@ TEST_CASE("stopped before it began, a dead keyframe, bad options: the map stays"
 TEST_CASE("IMU data that cannot be used: refused, or noted and passed over") {
   const stream on;
   check_unusable_imu_data(on.policy());
+}
+
+TEST_CASE("windows after an initialisation") {
+  const stream on;
+  check_after_initialisation(on.policy());
 }
 
 TEST_CASE("no step was found: map and stage are as if nothing had been tried") {

@@ -32,6 +32,7 @@ TURBOMAP_BEGIN_NAMESPACE
 /// \param T_bc     camera to body, the frame of the IMU; metres
 /// \return what was found; `end` says whether it may be used. There is no partial answer.
 /// \throws std::invalid_argument  sizes, options, a pose or a preintegration that is not finite
+/// Runs on the host, whatever the policy of the mapper: some dozen keyframes are too few for a device.
 /// O(keyframes * iterations): about 3 us per keyframe and iteration.
 inline initialisation initialise_inertial(span<const rigid_transform<double>> T_cw,
                                           span<const preintegration<double>> motion, const isometry<double>& T_bc,
