@@ -17,8 +17,7 @@
 #include <cmath>
 #include <vector>
 
-#include "scenes/inertial_motion.hpp"
-#include "scenes/mapping_scene.hpp"
+#include "inertial_mapper_cases.hpp"
 #include "support/policies.hpp"
 
 namespace {
@@ -27,7 +26,7 @@ using namespace turbomap_test;
 using turbomap::isometry;
 using turbomap::preintegration;
 using turbomap::vec3;
-using inertial_map = turbomap::simple_inertial_map<turbomap::binary_descriptor<256>, pinhole_camera>;
+using inertial_map = mapped_inertial;
 /// The same map, of which the mapper works on a copy.
 struct mirrored_inertial_map : inertial_map {
   using inertial_map::inertial_map;
@@ -44,67 +43,14 @@ struct turbomap::inertial_traits<mirrored_inertial_map> : turbomap::inertial_tra
 
 namespace {
 
-template <class Map, class Policy>
-void check_chain() {
-  mapping_recipe recipe;
-  recipe.pixel_noise = 0.4;
-  const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
-  const true_motion motion{scene};
-  const auto options = culled_inertial_options(recipe);
-  inertial_mapping<Map, Policy> run(scene, options);
-  run.map.set_gravity(motion.gravity);
-  std::size_t culled = 0, merged = 0;
-  for (int n = 0; n < 30; ++n) {
-    CAPTURE(n);
-    const auto k = track(run, motion);
-    run.map.set_initialised(n >= 10);
-    const auto& report = run.mapper.process(k);
-    CHECK(report.refused.empty());
-    CHECK(report.adjustment.inertial == (n >= 10));
-    if (n >= 10) CHECK(report.adjustment.inertial_edges > 0);
-    culled += report.keyframes_culled.size();
-    REQUIRE(turbomap::validate(run.map).empty());
-    CHECK((report.keyframes_culled.empty() || run.map.keyframe_count() >= 8));
-    std::vector<int> left;
-    for (int i = 0; i <= n; ++i)
-      if (run.map.alive(run.keyframes()[static_cast<std::size_t>(i)])) left.push_back(i);
-    REQUIRE(left.size() == run.map.keyframe_count());
-    for (std::size_t i = 1; i < left.size(); ++i) {
-      const double gap = step_s * (left[i] - left[i - 1]);
-      CHECK(gap < 1.05);
-      if (n < 10) CHECK(gap < 0.45);
-      const auto* p = run.map.motion(run.keyframes()[static_cast<std::size_t>(left[i])]);
-      REQUIRE(p != nullptr);
-      const auto expected = motion.between(left[i - 1], left[i]);
-      CHECK(std::abs(p->dt - expected.dt) < 1e-9);
-      CHECK(turbomap::norm(p->dP - expected.dP) < 1e-9);
-      CHECK(turbomap::norm(p->dV - expected.dV) < 1e-9);
-      merged += left[i] - left[i - 1] > 1 ? 1 : 0;
-    }
-    for (int last = n; last > n - 3 && last >= 0; --last) CHECK(left[left.size() - 1 - (n - last)] == last);
-  }
-  CHECK(culled > 4);
-  CHECK(merged > 20);
-}
 TEST_CASE_TEMPLATE("keyframes are culled, and the chain of motions stays whole", Policy, TURBOMAP_TEST_TWO_POLICIES) {
-  check_chain<inertial_map, Policy>();
+  check_chain<inertial_map>(Policy{});
 }
-TEST_CASE("the same where the mapper works on a mirror") { check_chain<mirrored_inertial_map, sequential>(); }
-
-/// Poses, velocities, biases and motions of keyframes, positions of points, one after the other.
-std::vector<double> numbers_of(const inertial_map& map) {
-  std::vector<double> all;
-  const auto add = [&](const vec3<double>& v) { all.insert(all.end(), {v.x, v.y, v.z}); };
-  using traits = turbomap::map_traits<inertial_map>;
-  traits::for_each_keyframe(map, [&](turbomap::map_keyframe_id k) {
-    const auto& T = map.T_cw(k);
-    all.insert(all.end(), {T.qx, T.qy, T.qz, T.qw, T.tx, T.ty, T.tz});
-    add(map.velocity(k)), add(map.bias(k).gyro), add(map.bias(k).acceleration);
-    if (const auto* p = map.motion(k)) all.push_back(p->dt), add(p->dP), add(p->dV);
-  });
-  traits::for_each_point(map, [&](turbomap::map_point_id p) { add(traits::position(map, p)); });
-  return all;
+TEST_CASE_TEMPLATE("the IMU is initialised in the run, and mapping goes on with it", Policy,
+                   TURBOMAP_TEST_TWO_POLICIES) {
+  check_initialised_in_run(Policy{});
 }
+TEST_CASE("the same where the mapper works on a mirror") { check_chain<mirrored_inertial_map>(sequential{}); }
 
 TEST_CASE("a mirrored map with an IMU is left as the map itself would be, to the last bit") {
   twin_inertial_mapping<inertial_map, mirrored_inertial_map, sequential> twins;
