@@ -42,9 +42,10 @@ inline double apart(const inertial_map_scene& a, const inertial_map_scene& b, in
 
 /// Adjusts all keyframes of a scene until nothing moves any more.
 template <class Policy>
-void adjust_all(inertial_run<Policy>& run, bool prior) {
+void adjust_all(inertial_run<Policy>& run, bool prior,
+                const turbomap::local_adjustment_options& options = to_the_end()) {
   const int last = static_cast<int>(run.scene.keyframes.size()) - 1;
-  for (int i = 0; i < 3; ++i) run(last, to_the_end(), windows(last + 1, prior));
+  for (int i = 0; i < 3; ++i) run(last, options, windows(last + 1, prior));
 }
 
 /// Moves what the IMU told of the last keyframes a little.
@@ -84,6 +85,26 @@ void check_keeps_optimum(const Policy& policy) {
     CHECK(moved[true] < 1e-4);
     CHECK(moved[false] > 100 * moved[true]);
   }
+}
+
+/// The same where derivatives are rounded to float32.
+template <class Policy>
+void check_keeps_optimum_in_mixed_precision(const Policy& policy) {
+  auto options = to_the_end();
+  options.solve.numbers = turbomap::precision::mixed;
+  double moved[2];
+  for (const bool prior : {true, false}) {
+    inertial_map_scene scene;
+    inertial_run<Policy> run(policy, scene);
+    adjust_all(run, prior, options);
+    const inertial_map_scene batch = scene;
+    disturb(scene, 5);
+    CHECK(run(13, options, windows(5, prior)).free_keyframes == (prior ? 6 : 5));
+    moved[prior] = apart(scene, batch, 0, 14);
+  }
+  MESSAGE(moved[true] << " from the optimum, " << moved[false] << " with a fixed frame");
+  CHECK(moved[true] < 1e-4);
+  CHECK(moved[false] > 100 * moved[true]);
 }
 
 }  // namespace turbomap_test

@@ -26,6 +26,10 @@ TEST_CASE_TEMPLATE("linearised at the optimum of all keyframes and landmarks, th
   check_keeps_optimum(Policy{});
 }
 
+TEST_CASE_TEMPLATE("the prior keeps that optimum in mixed precision", Policy, TURBOMAP_TEST_TWO_POLICIES) {
+  check_keeps_optimum_in_mixed_precision(Policy{});
+}
+
 TEST_CASE("windows that meet the keyframes one after the other: nearer to the optimum of all, and to the truth") {
   double from_optimum[2] = {}, from_truth[2] = {};  // without, with
   for (unsigned seed = 1; seed < 7; ++seed) {

@@ -65,6 +65,47 @@ TEST_CASE("a mirrored map with an IMU is left as the map itself would be, to the
   CHECK(twins.adjusted > 30);
 }
 
+/// A mapper with a marginal prior, whose windows are short enough to slide.
+turbomap::local_mapper_options sliding_options() {
+  auto o = culled_inertial_options({});
+  o.inertial.marginal_prior = true, o.inertial.strong_points = -1, o.inertial.window.keyframes = 3;
+  return o;
+}
+
+TEST_CASE("a mirrored map with a marginal prior is left as the map itself would be, to the last bit") {
+  auto without = sliding_options();
+  without.inertial.marginal_prior = false;
+  twin_inertial_mapping<inertial_map, mirrored_inertial_map, sequential> twins(sliding_options()), others(without);
+  for (int n = 0; n < 16; ++n) {
+    CAPTURE(n);
+    twins.step(), others.step();
+    CHECK(twins.refused == 0);
+    CHECK(twins.healed == 0);
+    REQUIRE(numbers_of(twins.first()) == numbers_of(twins.second()));
+  }
+  CHECK(twins.adjusted > 15);
+  CHECK(numbers_of(twins.first()) != numbers_of(others.first()));  // there was a prior
+}
+
+TEST_CASE("a mapper that starts anew knows nothing of the keyframe before a window") {
+  mapping_recipe recipe;
+  recipe.pixel_noise = 0.4;
+  const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
+  const true_motion motion{scene};
+  inertial_mapping<inertial_map, sequential> run(scene, sliding_options());
+  run.mapper.options().enabled[turbomap::mapping_stage::keyframe_culling] = false;
+  run.map.set_gravity(motion.gravity), run.map.set_initialised(true);
+  const auto moves = [&](turbomap::map_keyframe_id k) { return run.mapper.process(k).adjustment.free_keyframes; };
+  for (int n = 0; n < 9; ++n) run.mapper.process(track(run, motion));
+  CHECK(moves(track(run, motion)) == 4);  // three, and the one before them
+  CHECK(moves(run.keyframes().back()) == 4);
+  run.mapper.reset();
+  for (std::size_t n = 0; n < run.keyframes().size(); ++n)
+    run.mapper.insert(run.keyframes()[n], scene.data<turbomap::binary_descriptor<256>>(run.view(n)));
+  CHECK(moves(run.keyframes().back()) == 3);
+  CHECK(moves(track(run, motion)) == 4);  // from now on, again
+}
+
 TEST_CASE("what tracking changed of a mirrored keyframe, unreported, is read with its velocity") {
   mapping_recipe recipe;
   const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);

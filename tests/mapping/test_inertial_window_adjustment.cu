@@ -79,4 +79,9 @@ TEST_CASE("a prior of the keyframe before a window keeps the optimum of all keyf
   check_keeps_optimum(on.policy());
 }
 
+TEST_CASE("the prior keeps that optimum in mixed precision") {
+  const stream on;
+  check_keeps_optimum_in_mixed_precision(on.policy());
+}
+
 }  // namespace

@@ -75,6 +75,9 @@ using inertial_mapping = mapping_run<Map, Policy, turbomap::inertial_adjustment<
 template <class First, class Second, class Policy>
 class twin_inertial_mapping {
  public:
+  explicit twin_inertial_mapping(const turbomap::local_mapper_options& options = culled_inertial_options(noisy()))
+      : first_(scene_, options), second_(scene_, options) {}
+
   const First& first() const { return first_.map; }
   const Second& second() const { return second_.map; }
 
@@ -104,8 +107,8 @@ class twin_inertial_mapping {
 
   const mapping_scene<pinhole_camera> scene_{pinhole_rig(50), noisy()};
   const true_motion motion_{scene_};
-  inertial_mapping<First, Policy> first_{scene_, culled_inertial_options(noisy())};
-  inertial_mapping<Second, Policy> second_{scene_, culled_inertial_options(noisy())};
+  inertial_mapping<First, Policy> first_;
+  inertial_mapping<Second, Policy> second_;
   int keyframes_ = 0;
 };
 
