@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # cmake -D MODE=package|subdirectory|fetch ... -P run.cmake: configures, builds and runs the consumer in SCRATCH/MODE.
+# USERS: a regular expression of the programs, by default all.
 
 function(run)
   execute_process(COMMAND ${ARGV} RESULT_VARIABLE status)
@@ -20,6 +21,9 @@ endif()
 list(JOIN PREFIX_PATH "\\;" prefix_path)
 set(options -D "CMAKE_CXX_COMPILER=${CXX}" -D "CMAKE_PREFIX_PATH=${prefix_path}" -D "TURBOMAP_CONSUME=${MODE}"
             -D "TURBOMAP_SOURCE=${SOURCE}")
+if(USERS)
+  list(APPEND options -D "CONSUMER_USERS=${USERS}")
+endif()
 if(CUDA)
   list(JOIN CUDA_ARCHITECTURES "\\;" architectures)
   list(APPEND options -D CONSUMER_CUDA=ON -D "CMAKE_CUDA_COMPILER=${NVCC}" -D "CMAKE_CUDA_ARCHITECTURES=${architectures}")
