@@ -69,6 +69,7 @@ string(APPEND turbomap_busy_tests "|local_map_search|simulation|batch_bound|schu
 string(APPEND turbomap_busy_tests "|initialise|point_uncertainty|global_adjustment|projection_search|byte_budget|map_mirror")
 string(APPEND turbomap_busy_tests "|adjustment_memory|duplicate_fusion|same_bits|extraction_opencv|keypoint_offset|uncertain_points")
 string(APPEND turbomap_busy_tests "|cholesky|motion_only|error_parts|bad_rows|border_prior|inertial_window")
+set(turbomap_large_tests "bad_rows")  # where optimisation takes minutes under a sanitizer, and saves seconds
 
 # turbomap_test_kind(SOURCE RESULT): 'optimised', 'busy', or 'quick', which is all others.
 function(turbomap_test_kind source result)
@@ -76,6 +77,8 @@ function(turbomap_test_kind source result)
   set(kind quick)
   if(name MATCHES "\\.cu$")
     # nvcc optimises as it is told for all
+  elseif(TURBOMAP_SANITIZE AND name MATCHES "${turbomap_large_tests}")
+    # as the build's flags say
   elseif(name MATCHES "${turbomap_busy_tests}" AND (CMAKE_CXX_FLAGS_RELEASE STREQUAL "-O0" OR TURBOMAP_SANITIZE))
     set(kind busy)
   elseif(name MATCHES "${turbomap_optimised_tests}")
