@@ -11,6 +11,7 @@ option(TURBOMAP_RECORDED_TESTS "Build the tests on recorded data" ON)
 option(TURBOMAP_PRECOMPILED_TESTS "Parse the headers that all tests include once" OFF)
 option(TURBOMAP_GROUPED_TESTS "Compile a few tests as one unit: half of each is headers and templates that they share" OFF)
 set(TURBOMAP_TEST_FILTER "" CACHE STRING "Build only the tests whose name matches this regular expression")
+set(TURBOMAP_UNRUN_TESTS "" CACHE STRING "Build the tests whose name matches this regular expression, and leave them to another build to run")
 
 find_package(doctest CONFIG REQUIRED)
 find_package(nlohmann_json CONFIG QUIET)
@@ -77,6 +78,8 @@ function(turbomap_test_kind source result)
   set(kind quick)
   if(name MATCHES "\\.cu$")
     # nvcc optimises as it is told for all
+  elseif(TURBOMAP_UNRUN_TESTS AND name MATCHES "${TURBOMAP_UNRUN_TESTS}")
+    # nothing that takes its time
   elseif(TURBOMAP_SANITIZE AND name MATCHES "${turbomap_large_tests}")
     # as the build's flags say
   elseif(name MATCHES "${turbomap_busy_tests}" AND (CMAKE_CXX_FLAGS_RELEASE STREQUAL "-O0" OR TURBOMAP_SANITIZE))
@@ -126,6 +129,10 @@ endfunction()
 
 # turbomap_name_test(NAME LABEL COMMAND...): COMMAND is the test NAME, of which ctest knows how it ends and what it needs.
 function(turbomap_name_test name label)
+  if(TURBOMAP_UNRUN_TESTS AND name MATCHES "${TURBOMAP_UNRUN_TESTS}")
+    message(STATUS "turbomap: ${name} is built and not run")
+    return()
+  endif()
   set(test ${TURBOMAP_TEST_PREFIX}${name})
   add_test(NAME ${test} COMMAND ${ARGN})
   set_tests_properties(${test} PROPERTIES TIMEOUT 600 SKIP_RETURN_CODE 77 LABELS "${label}")
