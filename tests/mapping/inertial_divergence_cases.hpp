@@ -123,12 +123,13 @@ void check_endless_damping(const Policy& policy) {
   using turbomap::damping_rule;
   const std::vector<std::pair<damping_rule, double>> rules{
       {damping_rule::identity, 1e100}, {damping_rule::identity, 1e300}, {damping_rule::diagonal, 1e100}};
-  for (const auto& [rule, lambda] : rules) {
-    CAPTURE(static_cast<int>(rule));
+  for (const auto& given : rules) {
+    const double lambda = given.second;
+    CAPTURE(static_cast<int>(given.first));
     CAPTURE(lambda);
     inertial_map_scene s;
     auto inertial = window_of(8);
-    inertial.window.damping = rule, inertial.window.initial_lambda = lambda;
+    inertial.window.damping = given.first, inertial.window.initial_lambda = lambda;
     const auto summary = adjust_as_on_host(policy, s, 13, inertial);
     REQUIRE(summary.solve.accepted > 0);
     CHECK(summary.solve.each[0].steps == 2);
