@@ -15,6 +15,8 @@
 #include <turbomap/math/linear.hpp>
 #include <turbomap/types.hpp>
 
+#include "support/larger_or_nan.hpp"
+
 namespace turbomap_test {
 
 /// Not ==, to which zeros of both signs are equal and NaN is not itself.
@@ -32,13 +34,6 @@ inline bool same_bits(const turbomap::adjustment_summary& a, const turbomap::adj
          same_bits(a.each, b.each);
 }
 
-namespace detail {
-
-/// The larger one; NaN where one of them is.
-inline double larger_or_nan(double a, double b) { return std::isnan(a) || a > b ? a : b; }
-
-}  // namespace detail
-
 /// The largest difference of an element, metres and quaternions. NaN where a result holds one.
 inline double distance(const std::vector<turbomap::rigid_transform<double>>& a,
                        const std::vector<turbomap::rigid_transform<double>>& b) {
@@ -47,7 +42,7 @@ inline double distance(const std::vector<turbomap::rigid_transform<double>>& a,
   for (std::size_t f = 0; f < a.size(); ++f) {
     const auto &p = a[f], &q = b[f];
     for (const double x : {p.qx - q.qx, p.qy - q.qy, p.qz - q.qz, p.qw - q.qw, p.tx - q.tx, p.ty - q.ty, p.tz - q.tz})
-      d = detail::larger_or_nan(d, std::abs(x));
+      d = larger_or_nan(d, std::abs(x));
   }
   return d;
 }
@@ -58,7 +53,7 @@ inline double distance(const std::vector<turbomap::vec3<double>>& a, const std::
   if (a.size() != b.size()) return HUGE_VAL;
   double d = 0;
   for (std::size_t l = 0; l < a.size(); ++l)
-    d = detail::larger_or_nan(d, turbomap::norm(a[l] - b[l]) / std::max(1.0, turbomap::norm(b[l])));
+    d = larger_or_nan(d, turbomap::norm(a[l] - b[l]) / std::max(1.0, turbomap::norm(b[l])));
   return d;
 }
 

@@ -6,6 +6,7 @@
 /// Covariances of frames of the scene of adjustment_cases.hpp, and what must hold of those that are not determined, under any
 /// policy.
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -83,6 +84,7 @@ void check_not_made_up(const Policy& policy) {
   s = good;
   s.points[3].x = std::numeric_limits<double>::quiet_NaN();
   CHECK(covariance_of(policy, s, {1}).empty());
+  CHECK(directions_of(policy, s) == 6 * static_cast<int>(std::count(s.fixed.begin(), s.fixed.end(), 0)));
   s = good;
   s.frame.clear(), s.landmark.clear(), s.pixel.clear(), s.information.clear(), s.camera.clear();
   CHECK(covariance_of(policy, s, {1}).empty());

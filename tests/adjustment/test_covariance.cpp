@@ -8,10 +8,12 @@
 
 #include <thrust/execution_policy.h>
 
+#include <functional>
 #include <limits>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
+#include <vector>
 
 #include "adjustment_scene_oracle.hpp"
 #include "covariance_cases.hpp"
@@ -153,8 +155,10 @@ TEST_CASE("bad frames and tolerances are refused by name") {
   problem.assign(ctx, s.frame_input(), s.landmark_input(), s.group());
   std::vector<double> result;
   for (const double t : {-1.0, 1.0, std::numeric_limits<double>::quiet_NaN()})
-    CHECK_THROWS_WITH_AS(turbomap::frame_covariance(ctx, problem, {}, result, t), doctest::Contains("tolerance"),
-                         std::invalid_argument);
+    for (const auto& refused :
+         std::vector<std::function<void()>>{[&] { turbomap::frame_covariance(ctx, problem, {}, result, t); },
+                                            [&] { turbomap::undetermined_directions(ctx, problem, t); }})
+      CHECK_THROWS_WITH_AS(refused(), doctest::Contains("tolerance"), std::invalid_argument);
 }
 
 }  // namespace

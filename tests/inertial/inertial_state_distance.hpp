@@ -8,9 +8,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 #include <vector>
 
 #include <turbomap/inertial/inertial_residual.hpp>
+
+#include "support/larger_or_nan.hpp"
 
 namespace turbomap_test {
 
@@ -20,10 +23,7 @@ inline double distance(const std::vector<turbomap::inertial_state<double>>& a,
                        const std::vector<turbomap::inertial_state<double>>& b) {
   if (a.size() != b.size()) return HUGE_VAL;
   double d = 0;
-  const auto compare = [&d](double x, double y) {
-    const double off = std::abs(x - y) / std::max(1.0, std::abs(y));
-    if (!(off <= d)) d = off;
-  };
+  const auto compare = [&d](double x, double y) { d = larger_or_nan(d, std::abs(x - y) / std::max(1.0, std::abs(y))); };
   const auto compare_vectors = [&](const turbomap::vec3<double>& x, const turbomap::vec3<double>& y) {
     compare(x.x, y.x), compare(x.y, y.y), compare(x.z, y.z);
   };
@@ -34,6 +34,16 @@ inline double distance(const std::vector<turbomap::inertial_state<double>>& a,
     compare_vectors(a[f].velocity, b[f].velocity), compare_vectors(a[f].bias.gyro, b[f].bias.gyro);
     compare_vectors(a[f].bias.acceleration, b[f].bias.acceleration);
   }
+  return d;
+}
+/// The same of points, m.
+inline double distance_of_points(const std::vector<turbomap::vec3<double>>& a,
+                                 const std::vector<turbomap::vec3<double>>& b) {
+  if (a.size() != b.size()) return HUGE_VAL;
+  double d = 0;
+  for (std::size_t p = 0; p < a.size(); ++p)
+    for (const auto& [x, y] : {std::pair(a[p].x, b[p].x), std::pair(a[p].y, b[p].y), std::pair(a[p].z, b[p].z)})
+      d = larger_or_nan(d, std::abs(x - y) / std::max(1.0, std::abs(y)));
   return d;
 }
 

@@ -23,6 +23,7 @@
 #include "adjustment/adjustment_results.hpp"
 #include "inertial_scene.hpp"
 #include "inertial_state_distance.hpp"
+#include "support/larger_or_nan.hpp"
 
 namespace turbomap_test {
 
@@ -117,7 +118,7 @@ inline double apart(const inertial_state<double>& a, const inertial_state<double
   double d[15], worst = 0;
   marginal_prior_factor::difference(a, b, d);
   const double scale[5] = {1e3, 1e2, 1e2, 1e4, 1e2};
-  for (int k = 0; k < 15; ++k) worst = std::max(worst, std::abs(d[k]) * scale[k / 3]);
+  for (int k = 0; k < 15; ++k) worst = larger_or_nan(worst, std::abs(d[k]) * scale[k / 3]);
   return worst;
 }
 

@@ -7,12 +7,14 @@
 
 #include <thrust/execution_policy.h>
 
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <stdexcept>
 #include <vector>
 
 #include "inertial_scene.hpp"
+#include "inertial_state_distance.hpp"
 #include "support/policies.hpp"
 
 namespace {
@@ -67,6 +69,20 @@ TEST_CASE("a pose that is not a number: said so, and nothing moves") {
     std::vector<inertial_state<double>> states;
     problem.frames(ctx, states);
     CHECK(std::memcmp(&states[2], &s.states[2], sizeof states[2]) == 0);
+  }
+}
+
+TEST_CASE("a comparison of states and points keeps what is not a number, wherever it is") {
+  const auto good = make_inertial_scene(3, 4, 3);
+  CHECK(distance(good.states, good.states) == 0);
+  CHECK(distance_of_points(good.points, good.points) == 0);
+  for (std::size_t f = 0; f < 3; ++f) {
+    auto states = good.states;
+    auto points = good.points;
+    states[f].T_cw.qx = points[f].x = std::numeric_limits<double>::quiet_NaN();
+    CHECK(std::isnan(distance(states, good.states)));
+    CHECK(std::isnan(distance(good.states, states)));
+    CHECK(std::isnan(distance_of_points(points, good.points)));
   }
 }
 

@@ -35,7 +35,7 @@ inline double apart(const inertial_map_scene& a, const inertial_map_scene& b, in
     const double d[3] = {1e2 * turbomap::norm(a.map.velocity(x) - b.map.velocity(y)),
                          1e3 * turbomap::norm(a.map.bias(x).gyro - b.map.bias(y).gyro),
                          1e2 * turbomap::norm(a.map.bias(x).acceleration - b.map.bias(y).acceleration)};
-    worst = std::max({worst, d[0], d[1], d[2]});
+    for (const double off : d) worst = larger_or_nan(worst, off);
   }
   return worst;
 }

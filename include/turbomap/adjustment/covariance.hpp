@@ -61,7 +61,8 @@ void sum_information(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Poli
 /// How many directions of the free frames' unknowns nothing tells at the current estimate: the dimension of the null space
 /// of the undamped normal equations, landmarks eliminated. Of a gauge that is free: 6, with one camera 7; of a heading: 1;
 /// of an unknown that no factor depends on: 1. Damping alone keeps an adjustment from moving along them, and
-/// adjustment_summary::undetermined counts only unknowns that nothing depends on at all. Residuals that are not finite are left out.
+/// adjustment_summary::undetermined counts only unknowns that nothing depends on at all. A factor whose residual or derivative
+/// is not finite tells nothing; where a state or a measurement is not finite, nothing tells any unknown.
 /// \param tolerance, cost, source  as of frame_covariance
 /// \throws std::invalid_argument   a tolerance that is not in [0, 1)
 template <class Policy, class Frame, class... Groups>
