@@ -80,3 +80,19 @@ TEST_CASE("accurate: no keyframe is culled, and points are not taken as exact") 
   CHECK(o.covariances);
   CHECK(o.fusion.covariances);
 }
+
+TEST_CASE("published steps: those of both adjustments") {
+  using turbomap::damping_rule;
+  auto o = local_mapper_options::stereo_inertial(0.11, 4.4);
+  for (const auto* w : {&o.inertial.window, &o.inertial.large}) {
+    CHECK(w->damping == damping_rule::diagonal);
+    CHECK(w->initial_lambda == 1e-6);
+  }
+  o.use_published_steps();
+  CHECK(o.adjustment.solve.damping == damping_rule::identity);
+  CHECK(o.adjustment.solve.slow_iterations == 3);
+  CHECK(o.inertial.window.damping == damping_rule::identity);
+  CHECK(o.inertial.window.initial_lambda == 1);
+  CHECK(o.inertial.large.damping == damping_rule::identity);
+  CHECK(o.inertial.large.initial_lambda == 1e-2);
+}

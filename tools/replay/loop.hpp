@@ -96,7 +96,7 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording& 
                                                   : turbomap::merge_rule::refuse_apart;
   o.adjustment.solve.numbers = a.precision();
   o.inertial.marginal_prior = a.marginal_prior;
-  if (a.published_steps) o.adjustment.use_published_steps(), o.inertial.use_published_steps();
+  if (a.published_steps) o.use_published_steps();
   o.adjustment.stereo_correlation = a.correlation(recording);
   o.adjustment.second_min_shared_points = a.second_shared;
   if (a.temporal_neighbours >= 0) o.neighbours.neighbourhood.temporal_neighbours = a.temporal_neighbours;

@@ -22,7 +22,8 @@ struct inertial_window_options {
   /// and nothing to others. [ORB-SLAM3: identity]
   damping_rule damping = damping_rule::diagonal;
   /// Of it. So small that it holds nothing: scale and biases are weak directions, which 1e-4 would hold for longer than a window
-  /// lasts. Above the rounding of float32, in which mixed precision forms the equations. [ORB-SLAM3: 1; 1e-2 in the large window]
+  /// lasts. Above the rounding of float32, in which mixed precision forms the equations. 0: the solver's own, those 1e-4.
+  /// [ORB-SLAM3: 1; 1e-2 in the large window]
   double initial_lambda = 1e-6;
   /// Of the information of the oldest edge: it leans on a keyframe that does not move any more.
   double oldest_edge_weight = 1e-2;

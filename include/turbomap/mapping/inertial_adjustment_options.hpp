@@ -35,7 +35,8 @@ struct inertial_adjustment_options {
   /// one such edge would drag the window along. When a keyframe is culled, it is not merged into the next one's.
   double max_force = default_max_force;
 
-  /// The damping of [ORB-SLAM3]. Its end is that of local_adjustment_options::use_published_steps().
+  /// The damping of [ORB-SLAM3]. Its end is that of local_adjustment_options::use_published_steps();
+  /// local_mapper_options::use_published_steps() does both.
   void use_published_steps() {
     window.damping = large.damping = damping_rule::identity;
     window.initial_lambda = 1, large.initial_lambda = 1e-2;
