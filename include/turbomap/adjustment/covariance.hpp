@@ -63,8 +63,8 @@ void sum_information(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Poli
 /// of an unknown that no factor depends on: 1. Damping alone keeps an adjustment from moving along them, and
 /// adjustment_summary::undetermined counts only unknowns that nothing depends on at all. A factor whose residual or derivative
 /// is not finite tells nothing; where a state or a measurement is not finite, nothing tells any unknown.
-/// \param tolerance, cost, source  as of frame_covariance
-/// \throws std::invalid_argument   a tolerance that is not in [0, 1)
+/// \param tolerance  as of frame_covariance, and so are cost and source
+/// \throws std::invalid_argument  a tolerance that is not in [0, 1)
 template <class Policy, class Frame, class... Groups>
 int undetermined_directions(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Policy>, Frame, Groups...>& problem,
                             double tolerance = 1e-17) {

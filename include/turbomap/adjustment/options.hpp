@@ -10,6 +10,7 @@
 #include "../config.hpp"
 #include "../plain_vector.hpp"
 #include "../stop_request.hpp"
+#include "damping_rule.hpp"
 
 namespace turbomap {
 
@@ -30,12 +31,6 @@ enum class reduced_solver : std::uint8_t {
 
 /// A pivot below so much of the diagonal element that it came from is rounding: the matrix is singular.
 inline constexpr double default_pivot_tolerance = 1e-13;
-
-/// What is added to the normal equations H to make a step shorter.
-enum class damping_rule : std::uint8_t {
-  identity,  ///< H + lambda I [g2o, ORB-SLAM3]: depends on the units
-  diagonal   ///< H + lambda diag(H) [Marquardt 1963; Ceres]: unknowns of any units and scales
-};
 
 /// Options of adjust(). Defaults are those of [ORB-SLAM3]'s local adjustment where it has them, but for the damping.
 struct adjustment_options {

@@ -5,7 +5,7 @@
 /// \file
 /// The sizes and weights of a window of keyframes that is adjusted with its IMU, as plain data.
 
-#include "../adjustment/options.hpp"
+#include "../adjustment/damping_rule.hpp"
 
 namespace turbomap {
 
