@@ -33,8 +33,9 @@ struct frame_information {
 
 /// Computes it, on the host.
 template <class Policy, class Frame, class... Groups>
-void sum_information(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Policy>, Frame, Groups...>& problem,
-                     double tolerance, frame_information& of) {
+frame_information information_of(context<Policy>& ctx,
+                                 basic_bundle_problem<memory_of_t<Policy>, Frame, Groups...>& problem,
+                                 double tolerance) {
   require(tolerance >= 0 && tolerance < 1, "tolerance", tolerance, "must be in [0, 1)");
   constexpr int D = Frame::dof;
   auto& data = problem.data();
@@ -46,6 +47,7 @@ void sum_information(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Poli
   for (const auto l : data.order.source()) landmarks.push_back(given[static_cast<std::size_t>(l)]);
   residual_rows<D> rows;
   information_sum<D> observed;
+  frame_information of;
   const auto& fixed = data.landmark_fixed.host();
   if (data.finite)
     std::apply([&](const auto&... g) { (g.list_rows(s, states.data(), landmarks.data(), rows), ...); }, data.groups);
@@ -54,6 +56,7 @@ void sum_information(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Poli
   observed.build(rows, s.free_frames, s.landmarks, data.held.host(), of.matrix);
   of.matrix.factorise(tolerance, of.undetermined);
   for (const auto f : rows.spoilt) of.undetermined[static_cast<std::size_t>(f) * D] = 1;
+  return of;
 }
 
 }  // namespace detail
@@ -68,9 +71,7 @@ void sum_information(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Poli
 template <class Policy, class Frame, class... Groups>
 int undetermined_directions(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Policy>, Frame, Groups...>& problem,
                             double tolerance = 1e-17) {
-  detail::frame_information information;
-  detail::sum_information(ctx, problem, tolerance, information);
-  return information.matrix.left_out();
+  return detail::information_of(ctx, problem, tolerance).matrix.left_out();
 }
 
 /// Joint covariance of some frames of a problem at its current estimate, all other frames and the landmarks marginalised:
@@ -96,8 +97,7 @@ bool frame_covariance(context<Policy>& ctx, basic_bundle_problem<memory_of_t<Pol
     require(frames[i] >= 0 && frames[i] < problem.frame_count(), "frames[i]", frames[i], "is not a frame");
 
   constexpr int D = Frame::dof;
-  detail::frame_information information;
-  detail::sum_information(ctx, problem, tolerance, information);
+  const detail::frame_information information = detail::information_of(ctx, problem, tolerance);
   const auto& data = problem.data();
   const adjustment_structure& s = data.structure;
 
