@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <utility>
 #include <vector>
 
 #include <turbomap/inertial/inertial_residual.hpp>
@@ -34,16 +33,6 @@ inline double distance(const std::vector<turbomap::inertial_state<double>>& a,
     compare_vectors(a[f].velocity, b[f].velocity), compare_vectors(a[f].bias.gyro, b[f].bias.gyro);
     compare_vectors(a[f].bias.acceleration, b[f].bias.acceleration);
   }
-  return d;
-}
-/// The same of points, m.
-inline double distance_of_points(const std::vector<turbomap::vec3<double>>& a,
-                                 const std::vector<turbomap::vec3<double>>& b) {
-  if (a.size() != b.size()) return HUGE_VAL;
-  double d = 0;
-  for (std::size_t p = 0; p < a.size(); ++p)
-    for (const auto& [x, y] : {std::pair(a[p].x, b[p].x), std::pair(a[p].y, b[p].y), std::pair(a[p].z, b[p].z)})
-      d = larger_or_nan(d, std::abs(x - y) / std::max(1.0, std::abs(y)));
   return d;
 }
 

@@ -187,7 +187,8 @@ template <class Policy>
 void check_sliding_window(const Policy& policy) {
   double with = 0, without = 0;
   slide(policy, steps_of(50), [&](unsigned, const chain_states& states, const chain_states& all, bool keeps) {
-    (keeps ? with : without) = std::max(keeps ? with : without, apart(states.back(), all.back()));
+    double& worst = keeps ? with : without;
+    worst = larger_or_nan(worst, apart(states.back(), all.back()));
   });
   MESSAGE("last frame, in standard deviations of the measurements: " << with << " with the prior, " << without
                                                                      << " without");

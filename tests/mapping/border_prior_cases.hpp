@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <vector>
 
 #include "inertial_window_cases.hpp"
 
@@ -18,6 +19,12 @@ inline turbomap::local_adjustment_options to_the_end() {
   auto o = exact();
   o.solve.min_relative_decrease = 1e-14, o.solve.slow_iterations = 3;
   o.outlier_factor = 100;  // all observations stay: the optimum is one of the same terms
+  return o;
+}
+/// The same where derivatives are rounded to float32.
+inline turbomap::local_adjustment_options to_the_end_in_mixed_precision() {
+  auto o = to_the_end();
+  o.solve.numbers = turbomap::precision::mixed;
   return o;
 }
 inline turbomap::inertial_adjustment_options windows(int keyframes, bool prior) {
@@ -59,25 +66,27 @@ inline void disturb(inertial_map_scene& scene, int last) {
 
 /// Windows that begin later than the last one, disturbed at the optimum of all keyframes and landmarks, come back to it,
 /// to the same bits each time; with a keyframe that is fixed instead they do not.
+/// \param sizes  of the windows: these begin 10, 8 and 5 keyframes later
 template <class Policy>
-void check_keeps_optimum(const Policy& policy) {
-  for (const int keyframes : {3, 5, 8}) {  // windows that begin 10, 8 and 5 keyframes later
+void check_keeps_optimum(const Policy& policy, const std::vector<int>& sizes = {3, 5, 8},
+                         const turbomap::local_adjustment_options& options = to_the_end()) {
+  for (const int keyframes : sizes) {
     CAPTURE(keyframes);
     double moved[2];
     for (const bool prior : {true, false}) {
       inertial_map_scene scene;
       inertial_run<Policy> run(policy, scene);
-      adjust_all(run, prior);
+      adjust_all(run, prior, options);
       const inertial_map_scene batch = scene;
       disturb(scene, keyframes);
-      const auto summary = run(13, to_the_end(), windows(keyframes, prior));
+      const auto summary = run(13, options, windows(keyframes, prior));
       CHECK(summary.solve.accepted > 0);
       CHECK(summary.free_keyframes == static_cast<std::size_t>(keyframes) + (prior ? 1 : 0));
       moved[prior] = apart(scene, batch, 0, 14);
       inertial_map_scene twin;
       inertial_run<Policy> again(policy, twin);
-      adjust_all(again, prior), disturb(twin, keyframes);
-      again(13, to_the_end(), windows(keyframes, prior));
+      adjust_all(again, prior, options), disturb(twin, keyframes);
+      again(13, options, windows(keyframes, prior));
       CHECK(twin.state() == scene.state());
     }
     MESSAGE(keyframes << " keyframes: " << moved[true] << " from the optimum, " << moved[false]
@@ -85,26 +94,6 @@ void check_keeps_optimum(const Policy& policy) {
     CHECK(moved[true] < 1e-4);
     CHECK(moved[false] > 100 * moved[true]);
   }
-}
-
-/// The same where derivatives are rounded to float32.
-template <class Policy>
-void check_keeps_optimum_in_mixed_precision(const Policy& policy) {
-  auto options = to_the_end();
-  options.solve.numbers = turbomap::precision::mixed;
-  double moved[2];
-  for (const bool prior : {true, false}) {
-    inertial_map_scene scene;
-    inertial_run<Policy> run(policy, scene);
-    adjust_all(run, prior, options);
-    const inertial_map_scene batch = scene;
-    disturb(scene, 5);
-    CHECK(run(13, options, windows(5, prior)).free_keyframes == (prior ? 6 : 5));
-    moved[prior] = apart(scene, batch, 0, 14);
-  }
-  MESSAGE(moved[true] << " from the optimum, " << moved[false] << " with a fixed frame");
-  CHECK(moved[true] < 1e-4);
-  CHECK(moved[false] > 100 * moved[true]);
 }
 
 }  // namespace turbomap_test

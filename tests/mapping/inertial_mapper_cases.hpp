@@ -16,9 +16,9 @@
 
 #include <cmath>
 #include <cstddef>
-#include <cstring>
 #include <vector>
 
+#include "adjustment/adjustment_results.hpp"
 #include "scenes/inertial_motion.hpp"
 #include "scenes/mapping_scene.hpp"
 #include "support/larger_or_nan.hpp"
@@ -40,11 +40,6 @@ inline std::vector<double> numbers_of(const mapped_inertial& map) {
   });
   traits::for_each_point(map, [&](turbomap::map_point_id p) { add(traits::position(map, p)); });
   return all;
-}
-
-/// Whether two lists hold the same bits, those of zeros and of what is not a number as well.
-inline bool same_numbers(const std::vector<double>& a, const std::vector<double>& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(double)) == 0;
 }
 
 /// Keyframes are culled, and the chain of motions stays whole. \return the numbers of the map
@@ -120,6 +115,7 @@ std::vector<double> check_initialised_in_run(const Policy& policy) {
   CHECK(initialised_at < 25);
   const auto& g = run.map.gravity();
   CHECK(turbomap::dot(g, motion.gravity) / (turbomap::norm(g) * turbomap::norm(motion.gravity)) > std::cos(0.03));
+  REQUIRE(run.map.alive(run.keyframes().back()));
   double worst = 0;
   for (std::size_t n = 24; n < 30; ++n) {
     using turbomap::operator-;

@@ -27,7 +27,7 @@ TEST_CASE_TEMPLATE("linearised at the optimum of all keyframes and landmarks, th
 }
 
 TEST_CASE_TEMPLATE("the prior keeps that optimum in mixed precision", Policy, TURBOMAP_TEST_TWO_POLICIES) {
-  check_keeps_optimum_in_mixed_precision(Policy{});
+  check_keeps_optimum(Policy{}, {5}, to_the_end_in_mixed_precision());
 }
 
 TEST_CASE("windows that meet the keyframes one after the other: nearer to the optimum of all, and to the truth") {

@@ -81,7 +81,7 @@ TEST_CASE("a prior of the keyframe before a window keeps the optimum of all keyf
 
 TEST_CASE("the prior keeps that optimum in mixed precision") {
   const stream on;
-  check_keeps_optimum_in_mixed_precision(on.policy());
+  check_keeps_optimum(on.policy(), {5}, to_the_end_in_mixed_precision());
 }
 
 }  // namespace
