@@ -50,7 +50,7 @@ void check_after_initialisation(const Policy& policy) {
       s.map.set_refined(refined);
       for (std::size_t f = 15; f < 20; ++f)
         s.map.set_velocity(s.keyframes[f], s.map.velocity(s.keyframes[f]) + vec3<double>{0.02, -0.01, 0.03});
-      const auto summary = adjust_as_on_host(policy, s, 19, window_of(refined ? 8 : 40), weakly_told);
+      const auto summary = adjust_as_on_host(policy, s, 19, window_of(refined ? 8 : 40));
       CHECK(summary.free_keyframes == (refined ? 8 : 20));
       CHECK(s.velocity_error(15, 20) < 2e-3);
     }

@@ -25,8 +25,6 @@
 
 namespace turbomap_test {
 
-using mapped_inertial = turbomap::simple_inertial_map<turbomap::binary_descriptor<256>, pinhole_camera>;
-
 /// Poses, velocities, biases and motions of keyframes, positions of points, one after the other.
 inline std::vector<double> numbers_of(const mapped_inertial& map) {
   std::vector<double> all;
@@ -42,14 +40,16 @@ inline std::vector<double> numbers_of(const mapped_inertial& map) {
   return all;
 }
 
-/// Keyframes are culled, and the chain of motions stays whole. \return the numbers of the map
+/// Keyframes are culled, and the chain of motions stays whole.
+/// \param numbers  of the adjustments
+/// \return the numbers of the map
 template <class Map, class Policy>
-std::vector<double> check_chain(const Policy& policy) {
-  mapping_recipe recipe;
-  recipe.pixel_noise = 0.4;
+std::vector<double> check_chain(const Policy& policy, turbomap::precision numbers = turbomap::precision::mixed) {
+  const mapping_recipe recipe = noisy_recipe();
   const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
   const true_motion motion{scene};
-  const auto options = culled_inertial_options(recipe);
+  auto options = culled_inertial_options(recipe);
+  options.adjustment.solve.numbers = numbers;
   inertial_mapping<Map, Policy> run(scene, options, {}, policy);
   run.map.set_gravity(motion.gravity);
   std::size_t culled = 0, merged = 0;
@@ -89,14 +89,17 @@ std::vector<double> check_chain(const Policy& policy) {
 
 /// A mapper that starts without knowing gravity, velocities or biases, and is told of them by inertial_initialisation
 /// in the run.
+/// \param numbers  of the adjustments
 /// \return the numbers of the map
 template <class Policy>
-std::vector<double> check_initialised_in_run(const Policy& policy) {
-  mapping_recipe recipe;
-  recipe.pixel_noise = 0.4;
+std::vector<double> check_initialised_in_run(const Policy& policy,
+                                             turbomap::precision numbers = turbomap::precision::mixed) {
+  const mapping_recipe recipe = noisy_recipe();
   const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
   const true_motion motion{scene};
-  inertial_mapping<mapped_inertial, Policy> run(scene, culled_inertial_options(recipe), {}, policy);
+  auto options = culled_inertial_options(recipe);
+  options.adjustment.solve.numbers = numbers;
+  inertial_mapping<mapped_inertial, Policy> run(scene, options, {}, policy);
   turbomap::inertial_initialisation<mapped_inertial> initialise;
   int initialised_at = -1;
   for (int n = 0; n < 30; ++n) {

@@ -2,28 +2,69 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// \file
-/// Local mapping in inertial mode on a device: it ends within the bounds of the host, and in the same bits each time.
-/// Only in full builds: a whole mapper under nvcc.
+/// Local mapping in inertial mode on a device: it does what it does on the host, leaves the host's map within rounding, and the
+/// same bits each time. Only in full builds: a whole mapper under nvcc.
 
+#include <thrust/detail/seq.h>
 #include <thrust/system/cuda/execution_policy.h>
 
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+#include "inertial_fault_cases.hpp"
 #include "inertial_mapper_cases.hpp"
+#include "support/larger_or_nan.hpp"
 #include "support/stream.cuh"
 
 namespace {
 
 using namespace turbomap_test;
+using turbomap::precision;
 
-TEST_CASE("keyframes are culled, and the chain of motions stays whole; the same bits each time") {
-  const stream on;
-  const auto one = check_chain<mapped_inertial>(on.policy());
-  CHECK(same_bits(one, check_chain<mapped_inertial>(on.policy())));
+/// Of all numbers of two maps, relative beyond 1.
+double apart(const std::vector<double>& a, const std::vector<double>& b) {
+  if (a.size() != b.size()) return HUGE_VAL;
+  double d = 0;
+  for (std::size_t i = 0; i < a.size(); ++i)
+    d = larger_or_nan(d, std::abs(a[i] - b[i]) / std::max(1.0, std::abs(b[i])));
+  return d;
 }
 
-TEST_CASE("the IMU is initialised in the run, and mapping goes on with it; the same bits each time") {
+TEST_CASE("keyframes are culled, and the chain of motions stays whole; the same bits each time, and the host's map") {
   const stream on;
-  const auto one = check_initialised_in_run(on.policy());
-  CHECK(same_bits(one, check_initialised_in_run(on.policy())));
+  for (const auto numbers : {precision::mixed, precision::float64}) {
+    CAPTURE(static_cast<int>(numbers));
+    const auto one = check_chain<mapped_inertial>(on.policy(), numbers);
+    CHECK(same_bits(one, check_chain<mapped_inertial>(on.policy(), numbers)));
+    const double off = apart(one, check_chain<mapped_inertial>(thrust::seq, numbers));
+    MESSAGE("off the host's map by " << off);
+    CHECK(off <= (numbers == precision::float64 ? 1e-9 : 1e-4));
+  }
+}
+
+TEST_CASE(
+    "the IMU is initialised in the run, and mapping goes on with it; the same bits each time, and the host's map") {
+  const stream on;
+  for (const auto numbers : {precision::mixed, precision::float64}) {
+    CAPTURE(static_cast<int>(numbers));
+    const auto one = check_initialised_in_run(on.policy(), numbers);
+    CHECK(same_bits(one, check_initialised_in_run(on.policy(), numbers)));
+    const double off = apart(one, check_initialised_in_run(thrust::seq, numbers));
+    MESSAGE("off the host's map by " << off);
+    CHECK(off <= (numbers == precision::float64 ? 1e-9 : 1e-4));
+  }
+}
+
+TEST_CASE("samples that cannot be integrated: said by name, and mapping goes on without them") {
+  check_damaged_samples(stream{}.policy());
+}
+TEST_CASE("motions and states that cannot be used: each is reported with its keyframe, and mapping goes on") {
+  check_reported_motions(stream{}.policy());
+}
+TEST_CASE("a body that is never accelerated: not initialised, and mapping goes on by what it sees") {
+  check_never_accelerated(stream{}.policy());
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 
 #include <turbomap/inertial/preintegrate.hpp>
 #include <turbomap/local_mapper.hpp>
+#include <turbomap/map/simple_map/simple_inertial_map.hpp>
 #include <turbomap/mapping/inertial_adjustment.hpp>
 #include <turbomap/math/rotation.hpp>
 
@@ -20,6 +21,15 @@
 namespace turbomap_test {
 
 inline constexpr double step_s = 0.2;  // of a mapping_run
+
+/// What the mapper works on.
+using mapped_inertial = turbomap::simple_inertial_map<turbomap::binary_descriptor<256>, pinhole_camera>;
+
+inline mapping_recipe noisy_recipe() {
+  mapping_recipe recipe;
+  recipe.pixel_noise = 0.4;
+  return recipe;
+}
 
 /// What an IMU without errors measures on the way of a scene, which it follows in steps of constant acceleration.
 struct true_motion {
@@ -68,14 +78,19 @@ typename Run::keyframe track(Run& run, const true_motion& motion) {
   return k;
 }
 
+using inertial_methods =
+    turbomap::adjustment_methods<turbomap::solver_list<turbomap::reduced_solver::dense>,
+                                 turbomap::precision_list<turbomap::precision::mixed, turbomap::precision::float64>>;
+
 template <class Map, class Policy>
-using inertial_mapping = mapping_run<Map, Policy, turbomap::inertial_adjustment<Map, Policy>>;
+using inertial_mapping = mapping_run<Map, Policy, turbomap::inertial_adjustment<Map, Policy, inertial_methods>>;
 
 /// Local mapping on maps of two types that are told the same. The IMU is initialised at keyframe 5, refined at keyframe 15.
 template <class First, class Second, class Policy>
 class twin_inertial_mapping {
  public:
-  explicit twin_inertial_mapping(const turbomap::local_mapper_options& options = culled_inertial_options(noisy()))
+  explicit twin_inertial_mapping(
+      const turbomap::local_mapper_options& options = culled_inertial_options(noisy_recipe()))
       : first_(scene_, options), second_(scene_, options) {}
 
   const First& first() const { return first_.map; }
@@ -99,13 +114,7 @@ class twin_inertial_mapping {
     healed += report.healed, refused += report.refused.size();
     run.note();
   }
-  static mapping_recipe noisy() {
-    mapping_recipe recipe;
-    recipe.pixel_noise = 0.4;
-    return recipe;
-  }
-
-  const mapping_scene<pinhole_camera> scene_{pinhole_rig(50), noisy()};
+  const mapping_scene<pinhole_camera> scene_{pinhole_rig(50), noisy_recipe()};
   const true_motion motion_{scene_};
   inertial_mapping<First, Policy> first_;
   inertial_mapping<Second, Policy> second_;
