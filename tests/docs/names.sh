@@ -10,7 +10,7 @@
 #   #include <turbomap/...>, also in code
 #   \see             identifiers
 # A name exists when the code (not a comment) of include/, tools/, examples/, tests/reference or tests/support has that word.
-# And `--help` of every program has an example.
+# And `--help` of every program has an example, and a script that is shown as a command can be run.
 # names_allowed.txt lists the others, one regular expression a line.
 set -eu -o pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
@@ -183,3 +183,10 @@ if [[ -n $without ]]; then
   echo "$without: --help has no example"
   exit 1
 fi
+
+for script in $(sed -nE 's,^ *(\./)?([a-z]+/[A-Za-z0-9_/]+\.(py|sh))( .*)?$,\2,p' "${pages[@]}" | sort -u); do
+  if [[ -f $script && ! -x $script ]]; then
+    echo "$script: shown as a command, and not executable"
+    exit 1
+  fi
+done
