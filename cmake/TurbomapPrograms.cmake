@@ -94,7 +94,7 @@ function(turbomap_compile_quickly target)
   endif()
 endfunction()
 
-option(TURBOMAP_LINK_PROGRAMS "Off, in a build with CUDA: of the programs, what is for a device is compiled, and nothing runs" ON)
+option(TURBOMAP_LINK_PROGRAMS "Off, in a build with CUDA: of the programs but turbomap-bench, what is for a device is compiled, and nothing runs" ON)
 
 # turbomap_add_program(NAME SOURCE... [CUDA_SOURCES SOURCE.cu...])
 # An executable <build>/bin/NAME. In a build with CUDA, CUDA_SOURCES are part of it and TURBOMAP_PROGRAM_WITH_CUDA=1 is

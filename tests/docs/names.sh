@@ -185,8 +185,8 @@ if [[ -n $without ]]; then
 fi
 
 for script in $(sed -nE 's,^ *(\./)?([a-z]+/[A-Za-z0-9_/]+\.(py|sh))( .*)?$,\2,p' "${pages[@]}" | sort -u); do
-  if [[ -f $script && ! -x $script ]]; then
-    echo "$script: shown as a command, and not executable"
+  if [[ ! -x $script ]]; then
+    echo "$script: shown as a command, and cannot be run"
     exit 1
   fi
 done

@@ -10,6 +10,7 @@
 #include <doctest/doctest.h>
 
 #include <turbomap/inertial/preintegrate.hpp>
+#include <turbomap/local_mapper.hpp>
 #include <turbomap/map/validate.hpp>
 #include <turbomap/mapping/inertial_initialisation.hpp>
 

@@ -18,23 +18,26 @@
 #include <cstddef>
 #include <vector>
 
-#include "adjustment/adjustment_results.hpp"
 #include "scenes/inertial_motion.hpp"
 #include "scenes/mapping_scene.hpp"
 #include "support/larger_or_nan.hpp"
 
 namespace turbomap_test {
 
-/// Poses, velocities, biases and motions of keyframes, positions of points, one after the other.
+/// Gravity; poses, velocities, biases and motions of keyframes; positions of points; one after the other.
 inline std::vector<double> numbers_of(const mapped_inertial& map) {
   std::vector<double> all;
   const auto add = [&](const turbomap::vec3<double>& v) { all.insert(all.end(), {v.x, v.y, v.z}); };
+  const auto add_rotation = [&](const turbomap::mat3<double>& R) {
+    for (int i = 0; i < 9; ++i) all.push_back(R(i / 3, i % 3));
+  };
   using traits = turbomap::map_traits<mapped_inertial>;
+  add(map.gravity());
   traits::for_each_keyframe(map, [&](turbomap::map_keyframe_id k) {
     const auto& T = map.T_cw(k);
     all.insert(all.end(), {T.qx, T.qy, T.qz, T.qw, T.tx, T.ty, T.tz});
     add(map.velocity(k)), add(map.bias(k).gyro), add(map.bias(k).acceleration);
-    if (const auto* p = map.motion(k)) all.push_back(p->dt), add(p->dP), add(p->dV);
+    if (const auto* p = map.motion(k)) all.push_back(p->dt), add_rotation(p->dR), add(p->dP), add(p->dV);
   });
   traits::for_each_point(map, [&](turbomap::map_point_id p) { add(traits::position(map, p)); });
   return all;
@@ -43,14 +46,14 @@ inline std::vector<double> numbers_of(const mapped_inertial& map) {
 /// Keyframes are culled, and the chain of motions stays whole.
 /// \param numbers  of the adjustments
 /// \return the numbers of the map
-template <class Map, class Policy>
+template <class Map, class Methods = turbomap::adjustment_methods<>, class Policy>
 std::vector<double> check_chain(const Policy& policy, turbomap::precision numbers = turbomap::precision::mixed) {
   const mapping_recipe recipe = noisy_recipe();
   const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
   const true_motion motion{scene};
   auto options = culled_inertial_options(recipe);
   options.adjustment.solve.numbers = numbers;
-  inertial_mapping<Map, Policy> run(scene, options, {}, policy);
+  inertial_mapping<Map, Policy, Methods> run(scene, options, {}, policy);
   run.map.set_gravity(motion.gravity);
   std::size_t culled = 0, merged = 0;
   for (int n = 0; n < 30; ++n) {
@@ -91,7 +94,7 @@ std::vector<double> check_chain(const Policy& policy, turbomap::precision number
 /// in the run.
 /// \param numbers  of the adjustments
 /// \return the numbers of the map
-template <class Policy>
+template <class Methods = turbomap::adjustment_methods<>, class Policy>
 std::vector<double> check_initialised_in_run(const Policy& policy,
                                              turbomap::precision numbers = turbomap::precision::mixed) {
   const mapping_recipe recipe = noisy_recipe();
@@ -99,7 +102,7 @@ std::vector<double> check_initialised_in_run(const Policy& policy,
   const true_motion motion{scene};
   auto options = culled_inertial_options(recipe);
   options.adjustment.solve.numbers = numbers;
-  inertial_mapping<mapped_inertial, Policy> run(scene, options, {}, policy);
+  inertial_mapping<mapped_inertial, Policy, Methods> run(scene, options, {}, policy);
   turbomap::inertial_initialisation<mapped_inertial> initialise;
   int initialised_at = -1;
   for (int n = 0; n < 30; ++n) {

@@ -6,8 +6,6 @@
 
 #include <doctest/doctest.h>
 
-#include <thrust/execution_policy.h>
-
 #include "inertial_fault_cases.hpp"
 #include "support/policies.hpp"
 

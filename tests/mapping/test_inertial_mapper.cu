@@ -13,6 +13,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "adjustment/adjustment_results.hpp"
 #include "inertial_fault_cases.hpp"
 #include "inertial_mapper_cases.hpp"
 #include "support/larger_or_nan.hpp"
@@ -32,29 +33,33 @@ double apart(const std::vector<double>& a, const std::vector<double>& b) {
   return d;
 }
 
-TEST_CASE("keyframes are culled, and the chain of motions stays whole; the same bits each time, and the host's map") {
+using methods = turbomap::adjustment_methods<turbomap::solver_list<turbomap::reduced_solver::dense>,
+                                             turbomap::precision_list<precision::mixed, precision::float64>>;
+
+/// What a run leaves on a device: the same bits each time, and what it leaves on the host, within rounding.
+/// \param run  of a policy, with adjustments in a precision
+template <class Run>
+void check_as_on_host(Run&& run) {
   const stream on;
   for (const auto numbers : {precision::mixed, precision::float64}) {
     CAPTURE(static_cast<int>(numbers));
-    const auto one = check_chain<mapped_inertial>(on.policy(), numbers);
-    CHECK(same_bits(one, check_chain<mapped_inertial>(on.policy(), numbers)));
-    const double off = apart(one, check_chain<mapped_inertial>(thrust::seq, numbers));
+    const auto one = run(on.policy(), numbers);
+    CHECK(same_bits(one, run(on.policy(), numbers)));
+    const double off = apart(one, run(thrust::seq, numbers));
     MESSAGE("off the host's map by " << off);
-    CHECK(off <= (numbers == precision::float64 ? 1e-9 : 1e-4));
+    CHECK(off <= (numbers == precision::float64 ? 1e-9 : 5e-5));  // measured: 1e-12 and 4e-6
   }
+}
+
+TEST_CASE("keyframes are culled, and the chain of motions stays whole; the same bits each time, and the host's map") {
+  check_as_on_host(
+      [](const auto& policy, precision numbers) { return check_chain<mapped_inertial, methods>(policy, numbers); });
 }
 
 TEST_CASE(
     "the IMU is initialised in the run, and mapping goes on with it; the same bits each time, and the host's map") {
-  const stream on;
-  for (const auto numbers : {precision::mixed, precision::float64}) {
-    CAPTURE(static_cast<int>(numbers));
-    const auto one = check_initialised_in_run(on.policy(), numbers);
-    CHECK(same_bits(one, check_initialised_in_run(on.policy(), numbers)));
-    const double off = apart(one, check_initialised_in_run(thrust::seq, numbers));
-    MESSAGE("off the host's map by " << off);
-    CHECK(off <= (numbers == precision::float64 ? 1e-9 : 1e-4));
-  }
+  check_as_on_host(
+      [](const auto& policy, precision numbers) { return check_initialised_in_run<methods>(policy, numbers); });
 }
 
 TEST_CASE("samples that cannot be integrated: said by name, and mapping goes on without them") {

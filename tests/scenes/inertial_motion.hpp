@@ -22,7 +22,7 @@ namespace turbomap_test {
 
 inline constexpr double step_s = 0.2;  // of a mapping_run
 
-/// What the mapper works on.
+/// The map of these runs.
 using mapped_inertial = turbomap::simple_inertial_map<turbomap::binary_descriptor<256>, pinhole_camera>;
 
 inline mapping_recipe noisy_recipe() {
@@ -78,12 +78,8 @@ typename Run::keyframe track(Run& run, const true_motion& motion) {
   return k;
 }
 
-using inertial_methods =
-    turbomap::adjustment_methods<turbomap::solver_list<turbomap::reduced_solver::dense>,
-                                 turbomap::precision_list<turbomap::precision::mixed, turbomap::precision::float64>>;
-
-template <class Map, class Policy>
-using inertial_mapping = mapping_run<Map, Policy, turbomap::inertial_adjustment<Map, Policy, inertial_methods>>;
+template <class Map, class Policy, class Methods = turbomap::adjustment_methods<>>
+using inertial_mapping = mapping_run<Map, Policy, turbomap::inertial_adjustment<Map, Policy, Methods>>;
 
 /// Local mapping on maps of two types that are told the same. The IMU is initialised at keyframe 5, refined at keyframe 15.
 template <class First, class Second, class Policy>
