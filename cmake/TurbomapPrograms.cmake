@@ -95,6 +95,9 @@ function(turbomap_compile_quickly target)
 endfunction()
 
 option(TURBOMAP_LINK_PROGRAMS "Off, in a build with CUDA: of the programs but turbomap-bench, what is for a device is compiled, and nothing runs" ON)
+if(TURBOMAP_WITH_CUDA AND NOT TURBOMAP_LINK_PROGRAMS AND NOT TURBOMAP_HOST_TESTS)
+  set(turbomap_programs_are_only_compiled ON)
+endif()
 
 # turbomap_add_program(NAME SOURCE... [CUDA_SOURCES SOURCE.cu...])
 # An executable <build>/bin/NAME. In a build with CUDA, CUDA_SOURCES are part of it and TURBOMAP_PROGRAM_WITH_CUDA=1 is
@@ -102,7 +105,7 @@ option(TURBOMAP_LINK_PROGRAMS "Off, in a build with CUDA: of the programs but tu
 # no OpenMP policy.
 function(turbomap_add_program name)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "CUDA_SOURCES")
-  if(TURBOMAP_WITH_CUDA AND NOT TURBOMAP_LINK_PROGRAMS AND NOT TURBOMAP_HOST_TESTS)
+  if(turbomap_programs_are_only_compiled)
     add_library(${name} OBJECT ${arg_CUDA_SOURCES})
     target_link_libraries(${name} PRIVATE turbomap_developer)
     target_compile_definitions(${name} PRIVATE TURBOMAP_PROGRAM_WITH_CUDA=1)

@@ -88,9 +88,7 @@ TEST_CASE("a mirrored map with a marginal prior is left as the map itself would 
 }
 
 TEST_CASE("a mapper that starts anew knows nothing of the keyframe before a window") {
-  mapping_recipe recipe;
-  recipe.pixel_noise = 0.4;
-  const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
+  const mapping_scene<pinhole_camera> scene(pinhole_rig(50), noisy_recipe());
   const true_motion motion{scene};
   inertial_mapping<inertial_map, sequential> run(scene, sliding_options());
   run.mapper.options().enabled[turbomap::mapping_stage::keyframe_culling] = false;

@@ -8,30 +8,16 @@
 #include <thrust/detail/seq.h>
 #include <thrust/system/cuda/execution_policy.h>
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <vector>
-
 #include "adjustment/adjustment_results.hpp"
+#include "inertial/inertial_state_distance.hpp"
 #include "inertial_fault_cases.hpp"
 #include "inertial_mapper_cases.hpp"
-#include "support/larger_or_nan.hpp"
 #include "support/stream.cuh"
 
 namespace {
 
 using namespace turbomap_test;
 using turbomap::precision;
-
-/// Of all numbers of two maps, relative beyond 1.
-double apart(const std::vector<double>& a, const std::vector<double>& b) {
-  if (a.size() != b.size()) return HUGE_VAL;
-  double d = 0;
-  for (std::size_t i = 0; i < a.size(); ++i)
-    d = larger_or_nan(d, std::abs(a[i] - b[i]) / std::max(1.0, std::abs(b[i])));
-  return d;
-}
 
 using methods = turbomap::adjustment_methods<turbomap::solver_list<turbomap::reduced_solver::dense>,
                                              turbomap::precision_list<precision::mixed, precision::float64>>;
@@ -45,7 +31,7 @@ void check_as_on_host(Run&& run) {
     CAPTURE(static_cast<int>(numbers));
     const auto one = run(on.policy(), numbers);
     CHECK(same_bits(one, run(on.policy(), numbers)));
-    const double off = apart(one, run(thrust::seq, numbers));
+    const double off = distance(one, run(thrust::seq, numbers));
     MESSAGE("off the host's map by " << off);
     CHECK(off <= (numbers == precision::float64 ? 1e-9 : 5e-5));  // measured: 1e-12 and 4e-6
   }
