@@ -3,8 +3,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Replays recordings under several options and prints what became of their maps, as Markdown.
 
-Recordings: those of DATA/recordings, and simulated ones (rigs x trajectories x noise x seeds; figures are medians over the
-seeds). Variants: every combination of --creation and --associate that this turbomap-replay knows, or the options that
+Recordings: those of DATA/recordings, with the IMU where there is one and --perturbed times each, and simulated ones (rigs x
+trajectories x noise x seeds; figures are medians over the seeds). Variants: every combination of --creation and --associate that this turbomap-replay knows, or the options that
 --variants names. Simulated recordings and
 results are kept in the work folder: a run that was cut off goes on where it was, and results are made anew when the program
 has changed. Stage times are those of replays that ran side by side: use --jobs 1 for times to be quoted.
@@ -18,6 +18,7 @@ import concurrent.futures
 import hashlib
 import itertools
 import json
+import math
 import os
 import pathlib
 import re
@@ -56,6 +57,9 @@ def parse_arguments():
     p.add_argument("--keyframes", type=int, default=100, help="per simulated recording, at most")
     p.add_argument("--drift", default="0.01", help="of the poses that come in, m per m; less would tell mapping what it has to find")
     p.add_argument("--no-recorded", action="store_true", help="simulated recordings only")
+    p.add_argument("--no-simulated", action="store_true", help="recorded ones only")
+    p.add_argument("--perturbed", type=int, default=1,
+                   help="replays of each recorded one and variant; all but the first begin with guesses moved by 1e-6 m")
     p.add_argument("--policy", default="seq")
     p.add_argument("--variants", default="", help="'NAME: OPTIONS; NAME: OPTIONS', the baseline first; instead of the usual ones")
     p.add_argument("--options", default="", help="for every replay, e.g. '--candidates exhaustive'")
@@ -82,6 +86,8 @@ def recorded(args):
 def simulated(args):
     """(rig, trajectory, noise, seed, folder, command that makes it)"""
     made = []
+    if args.no_simulated:
+        return made
     for rig, (name, path), noise, seed in itertools.product(args.rigs, trajectories(args).items(), args.noise, args.seeds):
         folder = args.work / "recordings" / f"{rig}-{name}-k{args.keyframes}-d{args.drift}-n{noise}-s{seed}"
         command = [str(args.bin / "turbomap-simulate"), path, *RIGS[rig], "--noise", noise, "--seed", seed,
@@ -149,13 +155,13 @@ def variants(replay, given):
     return made
 
 
-def replay(args, folder, options, policy=None, run="", growth=False, environment=None):
+def replay(args, folder, options, policy=None, run="", growth=False, environment=None, visual=True):
     """The JSON of a replay, with 'failed' where it did not end well. `run` tells replays with the same options apart. With
-    `growth`, 'growth_file' names a CSV of times per keyframe."""
+    `growth`, 'growth_file' names a CSV of times per keyframe. `visual`: without the IMU unless the options ask for it."""
     program = str(args.bin / "turbomap-replay")
     options = ["--policy", policy or args.policy, *args.options.split(), *options]
-    if "--imu" not in options:
-        options.append("--no-imu")  # all rigs are compared visually unless asked otherwise
+    if visual and "--imu" not in options:
+        options.append("--no-imu")
     name = re.sub(r"[^\w.-]+", "_", " ".join([folder.name, *options, *([run] if run else [])]))
     result = args.work / "results" / digest(program) / (name + ".json")
     made_by = folder / "made_by.txt"
@@ -225,6 +231,7 @@ def figures(found):
     for key in judged:  # counts of what is wrong, each beside the count of all
         if key.endswith("_wrong") and key[:-len("_wrong")] in judged:
             values[f"wrong of {key[:-len('_wrong')].replace('_', ' ')}, %"] = ratio(judged[key], judged[key[:-len("_wrong")]], 100)
+            values[f"wrong {key[:-len('_wrong')].replace('_', ' ')}"] = judged[key]
     values["whole map, ms"] = get(found, "global_adjustment", "ms_last")
     for stage in ("search", "creation", "fusion", "adjustment", "total"):
         values[f"{stage}, ms"] = get(found, "stages", stage, "ms_mean")
@@ -233,6 +240,22 @@ def figures(found):
 
 def told(all_figures, column):
     return [one[column] for one in all_figures if one.get(column) is not None]
+
+
+def spread(values):
+    """'mean +- standard deviation'"""
+    if len(values) < 2:
+        return values[0] if values else None
+    return f"{show(statistics.mean(values))} +- {show(statistics.stdev(values))}"
+
+
+def compared(of, first, column):
+    """How the same recordings fare under another variant: 'geometric mean of the ratios +- its standard error'."""
+    logs = [math.log(a[column] / b[column]) for a, b in zip(of, first) if a.get(column) and b.get(column)]
+    if len(logs) < 2:
+        return None
+    mean, error = statistics.mean(logs), statistics.stdev(logs) / math.sqrt(len(logs))
+    return f"{math.exp(mean):.3f} +- {math.exp(mean) * error:.3f}"
 
 
 def medians(all_figures):
@@ -261,30 +284,49 @@ def table(names, rows):
     return "\n".join(lines)
 
 
+def recorded_row(runs, first):
+    """Figures of the first replay; of the errors of several, mean and standard deviation, and how many more they are."""
+    values = dict(runs[0])
+    if len(runs) > 1:
+        values["ATE, mm"] = spread(told(runs, "ATE, mm"))
+        values["ATE / peer"] = spread(told(runs, "ATE / peer"))
+        differences = [a["ATE, mm"] - b["ATE, mm"] for a, b in zip(runs, first) if "ATE, mm" in a and "ATE, mm" in b]
+        if runs is not first and len(differences) > 1:
+            error = statistics.stdev(differences) / math.sqrt(len(differences))
+            values["mm more than the first variant"] = f"{statistics.mean(differences):.3f} +- {error:.3f}"
+    return values
+
+
+def summary_row(of, first, first_name):
+    values = {"recordings": len(of)}
+    ratios = told(of, "ATE / bound")
+    if ratios:
+        values["ATE / bound, median"] = statistics.median(ratios)
+        values["worst"] = max(ratios)
+        values[f"above {BOUND}"] = sum(r > BOUND for r in ratios)
+    if of is not first:
+        values[f"ATE / {first_name}"] = compared(of, first, "ATE, mm")
+    for what in ("created", "merged", "observations"):
+        wrong = told(of, f"wrong of {what}, %")
+        if wrong:
+            values[f"wrong of {what}, %"] = statistics.mean(wrong)
+    for column in ("created", "wrong created", "merges", "wrong merged", "points left", "keyframes left", "obs. / point",
+                   "search, ms", "creation, ms", "fusion, ms", "adjustment, ms", "total, ms"):
+        total, before = (sum(told(some, column)) for some in (of, first))
+        if before and of is not first:
+            values[f"{column} / {first_name}"] = total / before
+    return values
+
+
 def summary(groups, variant_names):
-    """What is asked of each rig: one row per rig, noise and variant, over all trajectories and seeds."""
+    """What is asked of each rig: a row per rig, noise and variant, over all trajectories and seeds; then over all noises, all rigs."""
+    kinds = list(dict.fromkeys((rig, noise) for rig, _, noise in groups))
+    kinds += [(rig, "all") for rig in dict.fromkeys(rig for rig, _ in kinds)] + [("all", "all")]
     rows = []
-    for rig, noise in dict.fromkeys((rig, noise) for rig, _, noise in groups):
-        for variant in variant_names:
-            of = [f for (r, _, n), by in groups.items() if (r, n) == (rig, noise) for f in by.get(variant, [])]
-            first = [f for (r, _, n), by in groups.items() if (r, n) == (rig, noise) for f in by.get(variant_names[0], [])]
-            if not of:
-                continue
-            values = {"recordings": len(of)}
-            ratios = told(of, "ATE / bound")
-            if ratios:
-                values["ATE / bound, median"] = statistics.median(ratios)
-                values["worst"] = max(ratios)
-                values[f"above {BOUND}"] = sum(r > BOUND for r in ratios)
-            for what in ("created", "merged", "observations"):
-                wrong = told(of, f"wrong of {what}, %")
-                if wrong:
-                    values[f"wrong of {what}, %"] = statistics.mean(wrong)
-            for column in ("created", "merges", "points left", "obs. / point", "creation, ms", "fusion, ms", "total, ms"):
-                total, before = (sum(told(some, column)) for some in (of, first))
-                if before and len(variant_names) > 1:
-                    values[f"{column} / {variant_names[0]}"] = total / before
-            rows.append(((rig, noise, variant), values))
+    for rig, noise in kinds:
+        of = {v: [f for (r, _, n), by in groups.items() if rig in (r, "all") and noise in (n, "all") for f in by.get(v, [])]
+              for v in variant_names}
+        rows += [((rig, noise, v), summary_row(of[v], of[variant_names[0]], variant_names[0])) for v in variant_names if of[v]]
     return table(["rig", "noise", "variant"], rows)
 
 
@@ -308,8 +350,12 @@ def main():
             found.setdefault("ate_batch_rmse_m", done[0][2].get("ate_batch_rmse_m"))
         return done
 
+    def work_recorded(folder, variant, n):
+        moved = ["--perturb", str(n)] if n > 0 else []
+        return [(folder, (variant, n), replay(args, folder, [*by_variant[variant], *moved], visual=False))]
+
     with concurrent.futures.ThreadPoolExecutor(args.jobs) as pool:
-        jobs = [pool.submit(work, folder, None) for _, folder in real]
+        jobs = [pool.submit(work_recorded, folder, v, n) for n in range(args.perturbed) for _, folder in real for v in by_variant]
         jobs += [pool.submit(work, folder, command) for *_, folder, command in made]
         for count, job in enumerate(concurrent.futures.as_completed(jobs), 1):
             for folder, variant, found in job.result():
@@ -317,13 +363,17 @@ def main():
                     faults.append(f"- {folder.name}, {variant}: {found['failed']}")
                 results[folder, variant] = figures(found)
             if sys.stderr.isatty():
-                print(f"\r{count} of {len(jobs)} recordings", end="" if count < len(jobs) else "\n", file=sys.stderr, flush=True)
+                print(f"\r{count} of {len(jobs)} jobs", end="" if count < len(jobs) else "\n", file=sys.stderr, flush=True)
             elif count % max(1, len(jobs) // 20) == 0:
-                print(f"{count} of {len(jobs)} recordings", file=sys.stderr, flush=True)
+                print(f"{count} of {len(jobs)} jobs", file=sys.stderr, flush=True)
 
     text = [f"Replays under policy {args.policy} {args.options}, {args.jobs} at a time."]
     if real:
-        text += ["## Recorded", table(["recording", "variant"], [((name, v), results[folder, v]) for name, folder in real for v in by_variant])]
+        rows = []
+        for name, folder in real:
+            runs = {v: [results[folder, (v, n)] for n in range(args.perturbed)] for v in by_variant}
+            rows += [((name, v), recorded_row(runs[v], runs[next(iter(by_variant))])) for v in by_variant]
+        text += [f"## Recorded, {args.perturbed} replays each", table(["recording", "variant"], rows)]
     if made:
         groups = {}
         for rig, name, noise, _, folder, _ in made:

@@ -3,11 +3,12 @@
 
 /// \file
 /// The n-th allocation fails, for every n, while a keyframe is inserted and mapped with everything on: the map is sound, the
-/// store holds what the mapper knows, nothing stays pinned, and the next call does the work. See test_local_mapper.cpp for a
-/// mapper that is new, and without adjustment.
+/// store holds what the mapper knows, nothing stays pinned, and the next call does the work. The same of a mapper with an IMU, of
+/// its initialisation, and of what loop closing calls. See test_local_mapper.cpp for a mapper that is new, and without adjustment.
 
 #include <thrust/execution_policy.h>
 
+#include "inertial_mapper_cases.hpp"
 #include "no_memory_cases.hpp"
 #include "support/counted_new.hpp"
 
@@ -46,6 +47,84 @@ TEST_CASE_TEMPLATE("every allocation of insert and process may fail", Map, flat,
   CHECK(met.processing > 100);
   CHECK(met.adjusted > 8);
   CHECK(run.map.keyframe_count() < 12);  // culled
+}
+
+TEST_CASE("every allocation of a mapper with an IMU may fail, while it culls and bridges motions") {
+  const mapping_recipe recipe = noisy_recipe();
+  const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
+  const true_motion motion{scene};
+  inertial_mapping<mapped_inertial, sequential_policy> run(scene, culled_inertial_options(recipe));
+  run.map.set_gravity(motion.gravity);
+  std::size_t culled = 0;
+  int failed = 0, inertial = 0;
+  for (int n = 0; n < 20; ++n) {
+    CAPTURE(n);
+    const auto k = track(run, motion);
+    run.map.set_initialised(n >= 10);
+    const auto process = [&] { run.mapper.process(k); };
+    if (n >= 8)
+      failed += fail_everywhere<no_memory_after>(process, [&] {
+        REQUIRE(turbomap::validate(run.map).empty());
+        REQUIRE(run.store.statistics().pinned_sets == 0);
+      });
+    else
+      process();
+    const auto& report = run.mapper.report();
+    CHECK(report.refused.empty());
+    culled += report.keyframes_culled.size(), inertial += report.adjustment.inertial ? 1 : 0;
+  }
+  CHECK(failed > 100);
+  CHECK(inertial == 10);
+  CHECK(culled > 2);
+  for (std::size_t i = 1; i < run.keyframes().size(); ++i)
+    if (run.map.alive(run.keyframes()[i])) CHECK(run.map.motion(run.keyframes()[i]) != nullptr);
+}
+
+TEST_CASE("every allocation of an initialisation may fail: the map is as it was") {
+  const mapping_recipe recipe = noisy_recipe();
+  const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
+  const true_motion motion{scene};
+  inertial_mapping<mapped_inertial, sequential_policy> run(scene, culled_inertial_options(recipe));
+  turbomap::map_keyframe_id k;
+  for (int n = 0; n < 20; ++n) {
+    k = track(run, motion);
+    run.map.set_velocity(k, {0, 0, 0});
+    run.mapper.process(k);
+  }
+  // Others, of which the IMU told nothing: they are scaled with the map all the same.
+  const auto T_cw = run.map.T_cw(k);
+  for (int n = 0; n < 50; ++n) run.map.add_keyframe({}, T_cw);
+  turbomap::inertial_initialisation<mapped_inertial> initialise;
+  turbomap::initialisation_options options;
+  options.monocular = true;
+  options.max_scale_sigma = options.max_gravity_sigma = 1;  // whatever it finds is believed
+  const std::vector<double> before = numbers_of(run.map);
+  const int failed = fail_everywhere<no_memory_after>([&] { initialise(run.map, k, options); },
+                                                      [&] {
+                                                        REQUIRE(numbers_of(run.map) == before);
+                                                        REQUIRE(!run.map.initialised());
+                                                      });
+  CHECK(failed > 5);
+  CHECK(run.map.initialised());
+  CHECK(numbers_of(run.map) != before);
+}
+
+TEST_CASE("every allocation of what loop closing calls may fail") {
+  auto c = case_of_failures();
+  const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
+  adjusted_run<flat> run(scene, c.options, {}, sequential_policy(), store_of_failures());
+  run.steps(10);
+  const auto last = run.keyframes().back();
+  const auto sound = [&] {
+    REQUIRE(turbomap::validate(run.map).empty());
+    REQUIRE(run.store.statistics().pinned_sets == 0);
+  };
+  CHECK(fail_everywhere<no_memory_after>([&] { run.mapper.fuse_around(last); }, sound) > 0);
+  CHECK(fail_everywhere<no_memory_after>([&] { run.mapper.adjust_globally(last, {}); }, sound) > 10);
+  std::vector<turbomap::map_point_id> points;
+  turbomap::map_traits<flat>::for_each_point(run.map, [&](turbomap::map_point_id p) { points.push_back(p); });
+  const turbomap::span<const turbomap::map_point_id> all(points.data(), points.size());
+  CHECK(fail_everywhere<no_memory_after>([&] { run.mapper.update_appearance(all); }, sound) > 0);
 }
 
 }  // namespace

@@ -6,7 +6,8 @@
 /// again, with other noise in its pixels, loses a fifth of what they saw, and closes a loop at its end (the whole map is moved,
 /// then refresh and fuse_around). The map stays sound, its handles name the keyframes that they were given for, and memory and
 /// time per keyframe stay. Only in full builds: see docs/testing.md.
-/// TURBOMAP_TEST_SECONDS: how long (10); TURBOMAP_TEST_CSV: a folder for figures; TURBOMAP_TEST_RECORDING: one, else all stereo
+/// TURBOMAP_TEST_SECONDS: how long (10); TURBOMAP_TEST_HOURS: or until so much recorded time; TURBOMAP_TEST_WINDOW: the most
+/// keyframes that an adjustment moves; TURBOMAP_TEST_CSV: a folder for figures; TURBOMAP_TEST_RECORDING: one, else all stereo
 /// recordings; TURBOMAP_TEST_SEED: of noise and losses.
 
 #include <turbomap/camera/kannala_brandt.hpp>
@@ -23,6 +24,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <random>
 #include <string>
@@ -40,6 +42,11 @@ namespace {
 using namespace turbomap_test;
 using sequential = std::decay_t<decltype(thrust::seq)>;
 using turbomap_replay::orb;
+
+double environment(const char* name, double otherwise) {
+  const char* const given = std::getenv(name);
+  return given == nullptr ? otherwise : std::atof(given);
+}
 
 template <class Camera>
 class chain {
@@ -118,6 +125,8 @@ class chain {
   static turbomap::local_mapper_options options(const turbomap::recording_meta& meta) {
     auto o = turbomap::local_mapper_options::stereo(meta.baseline, meta.close_depth, meta.pyramid());
     o.adjustment.stereo_correlation = o.creation.stereo_correlation = correlation;
+    const double window = environment("TURBOMAP_TEST_WINDOW", 0);
+    if (window > 0) o.adjustment.most_keyframes = static_cast<int>(window);
     return o;
   }
   turbomap::local_mapper_hooks<map_type> hooks() {
@@ -236,11 +245,6 @@ class chain {
   std::size_t last_index_ = 0;
 };
 
-double environment(const char* name, double otherwise) {
-  const char* const given = std::getenv(name);
-  return given == nullptr ? otherwise : std::atof(given);
-}
-
 double median(std::vector<double> values) {
   if (values.empty()) return 0;
   std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
@@ -256,6 +260,7 @@ void run(const turbomap::recording& recording, const std::string& name, double s
     csv.open(std::string(folder) + "/soak_" + name + "_" + std::to_string(seed) + ".csv");
   csv << "keyframe,recorded_hours,ms_median,ms_p99,mb,keyframes,points,observations\n";
   const double duration = 1e-9 * static_cast<double>(recording.t_ns.back() - recording.t_ns.front());
+  const double hours = environment("TURBOMAP_TEST_HOURS", std::numeric_limits<double>::infinity());
   const auto start = std::chrono::steady_clock::now();
   std::vector<double> ms, medians, memory;
   std::size_t n = 0, pass = 0;
@@ -270,7 +275,8 @@ void run(const turbomap::recording& recording, const std::string& name, double s
     csv << n << ',' << static_cast<double>(pass) * duration / 3600 << ',' << medians.back() << ','
         << sorted[sorted.size() * 99 / 100] << ',' << memory.back() << ',' << c.keyframes() << ',' << c.points() << ','
         << c.observations() << std::endl;
-  } while (std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() < seconds);
+  } while (std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() < seconds &&
+           static_cast<double>(pass) * duration / 3600 < hours);
   MESSAGE(name << ": " << n << " keyframes, " << static_cast<double>(pass) * duration / 3600 << " hours recorded, "
                << medians.front() << " to " << medians.back() << " ms, " << memory.front() << " to " << memory.back()
                << " MB, " << c.keyframes() << " keyframes left");

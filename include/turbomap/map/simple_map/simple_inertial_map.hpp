@@ -39,6 +39,15 @@ class simple_inertial_map : public simple_map<Descriptor, Camera> {
     T_bc_ = T_bc, imu_ = imu;
   }
 
+  /// That of simple_map, with room for what the IMU tells of the keyframe: to set it then needs no memory.
+  map_keyframe_id add_keyframe(span<const keypoint> keypoints, const rigid_transform<double>& T_cw, double time_s = 0,
+                               map_keyframe_id previous = {}) {
+    this->grow(entries_, entries_.size() + 1);
+    const map_keyframe_id k = simple_map<Descriptor, Camera>::add_keyframe(keypoints, T_cw, time_s, previous);
+    make(k);
+    return k;
+  }
+
   /// From the frame of the poses to the body, that of the IMU.
   const rigid_transform<double>& T_bc() const { return T_bc_; }
   /// In the world, m/s^2.

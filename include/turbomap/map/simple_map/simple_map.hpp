@@ -140,6 +140,13 @@ class simple_map {
     }
   }
 
+ protected:
+  /// Room for `size` elements: what follows does not throw.
+  template <class List>
+  static void grow(List& v, std::size_t size) {
+    if (v.capacity() < size) v.reserve(std::max(size, 2 * v.capacity()));
+  }
+
  private:
   friend struct map_traits<simple_map>;
   static constexpr std::int32_t none = -1;
@@ -163,11 +170,6 @@ class simple_map {
     std::uint32_t visible = 1, found = 1;
   };
 
-  /// Room for `size` elements: what follows does not throw.
-  template <class List>
-  static void grow(List& v, std::size_t size) {
-    if (v.capacity() < size) v.reserve(std::max(size, 2 * v.capacity()));
-  }
   void check(map_keyframe_id k) const {
     require(alive(k), "keyframe", k.index, "is not a keyframe of the map, or no longer");
   }
