@@ -17,6 +17,7 @@
 #include "covariance_cases.hpp"
 #include "motion_only_cases.hpp"
 #include "support/policies.hpp"
+#include "support/thread_counts.hpp"
 
 namespace {
 
@@ -48,6 +49,20 @@ TEST_CASE("the same bits for any policy, any number of threads and any call") {
           for_each_parallel_policy([&](auto policy) { CHECK(same(adjust_scene(policy, s, options), a)); });
         }
   }
+}
+
+TEST_CASE("the same bits with another number of threads") {
+  const auto s = make_adjustment_scene(scene_kind::fisheye_rig, 12, 4, 300, 12);
+  for (const auto numbers : {precision::float64, precision::mixed})
+    for (const auto solver : {reduced_solver::dense, reduced_solver::sparse, reduced_solver::pcg}) {
+      adjustment_options options = in_float64();
+      options.numbers = numbers, options.solver = solver;
+      const auto a = adjust_scene(sequential{}, s, options);
+      for_each_thread_count([&](int threads) {
+        CAPTURE(threads);
+        for_each_parallel_policy([&](auto policy) { CHECK(same(adjust_scene(policy, s, options), a)); });
+      });
+    }
 }
 
 /// Bearings, priors and odometry, without any reprojection.

@@ -98,6 +98,27 @@ TEST_CASE("with room for a keyframe and its neighbours only, points are describe
   check_good(bound.quality());
 }
 
+TEST_CASE("with no more room for long, and keyframes culled: no iteration fails") {
+  auto c = long_case();
+  c.options.enabled[mapping_stage::keyframe_culling] = true;
+  c.options.keyframe_culling.redundant_share = 0.6F;
+  const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
+  adjusted_run free(scene, c.options);
+  free.steps(30);
+  adjusted_run bound(scene, c.options, {}, sequential_policy(),
+                     room_for(11, free.store.statistics().bytes_per_keyframe));
+  std::size_t culled = 0;
+  for (int n = 0; n < 300; ++n) {
+    CAPTURE(n);
+    REQUIRE_NOTHROW(bound.step());
+    CHECK(bound.mapper.report().refused.empty());
+    culled += bound.mapper.report().keyframes_culled.size();
+  }
+  CHECK(turbomap::validate(bound.map).empty());
+  CHECK(culled > 50);
+  CHECK(bound.store.statistics().page_ins > 300);
+}
+
 TEST_CASE("a long run: the map does not grow, nothing is confused; from 3000 keyframes on, memory and time stay") {
   check_long_run(sequential_policy{});
 }

@@ -34,11 +34,12 @@ struct lying_run {
   mapping_scene<pinhole_camera> scene{c.rig, c.recipe};
   mapping_run<lying_map, sequential_policy, turbomap::local_adjustment<lying_map, sequential_policy>> run;
 
-  explicit lying_run(bool strict, turbomap::local_mapper_hooks<lying_map> hooks = {})
-      : run(scene, with(c.options, strict), std::move(hooks)) {}
-  static turbomap::local_mapper_options with(turbomap::local_mapper_options options, bool strict) {
+  explicit lying_run(bool strict, turbomap::local_mapper_hooks<lying_map> hooks = {}, bool culls = false)
+      : run(scene, with(c.options, strict, culls), std::move(hooks)) {}
+  static turbomap::local_mapper_options with(turbomap::local_mapper_options options, bool strict, bool culls) {
     options.strict = strict;
-    options.enabled[mapping_stage::keyframe_culling] = false;
+    options.enabled[mapping_stage::keyframe_culling] = culls;
+    options.keyframe_culling.redundant_share = 0.6F;
     return options;
   }
   turbomap::map_point_id a_point(turbomap::map_keyframe_id k) const {
@@ -125,6 +126,31 @@ TEST_CASE("what turns bad is passed over and reported, and the rest of the work 
     CHECK(r.run.step().refused.empty());
     CHECK(turbomap::validate(r.run.map).empty());
   }
+}
+
+TEST_CASE("every stage is done beside what turned bad, and keyframes are culled") {
+  std::size_t culled = 0, points_culled = 0;
+  for (const spoiler& s : spoilers()) {
+    CAPTURE(s.name);
+    lying_run r(false, {}, true);
+    r.run.steps(4);
+    s.spoil(r);
+    std::size_t reported = 0;
+    for (int n = 0; n < 8; ++n) {
+      const auto& report = r.run.step();
+      for (std::size_t stage = 0; stage < turbomap::mapping_stages; ++stage) {
+        CAPTURE(stage);
+        CHECK(report.outcome.values[stage] == stage_outcome::done);
+      }
+      reported += names(report, s.fault) ? 1 : 0;
+      culled += report.keyframes_culled.size(), points_culled += report.points_culled;
+    }
+    CHECK(reported >= 1);
+    CHECK(r.run.store.statistics().pinned_sets == 0);
+    CHECK(r.run.store.size() == r.run.map.keyframe_count());
+  }
+  CHECK(culled > 5);
+  CHECK(points_culled > 0);
 }
 
 TEST_CASE("strict: what turns bad is an exception, again and again, and nothing stays pinned") {
