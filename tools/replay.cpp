@@ -161,6 +161,8 @@ int main(int argc, char** argv) {
   app.add_option("--known-octaves", a.known_octaves,
                  "a keypoint that sees a point is beside a track's where their octaves differ by so many at most")
       ->check(CLI::NonNegativeNumber);
+  app.add_option("--fewest-keyframes", a.fewest_keyframes, "keyframes that must see a new point of a track (1)")
+      ->check(CLI::PositiveNumber);
   app.add_flag("--across-rig,!--no-across-rig", a.across_rig,
                "match the cameras of a keyframe with each other too, or not, for --creation tracks (replay mode)");
   app.add_option("--candidates", a.candidates, "what the search compares with (replay mode)")

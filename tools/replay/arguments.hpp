@@ -59,6 +59,7 @@ struct arguments {
   double stereo_correlation = -1;      ///< of the errors of u and u_right; negative: correlation() knows
   bool balanced = false;               ///< local_mapper_options::balanced()
   bool accurate = false;               ///< local_mapper_options::accurate()
+  int fewest_keyframes = 0;            ///< creation_options::fewest_keyframes; 0: its default
   int known_octaves = -1;              ///< creation_options::known_octaves; negative: its default
   bool across_rig = true;              ///< neighbour_search_options::across_rig
   int second_shared = 0;               ///< local_adjustment_options::second_min_shared_points

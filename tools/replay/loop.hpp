@@ -90,6 +90,7 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording& 
   o.creation.stereo_correlation = a.correlation(recording);
   o.neighbours.across_rig = a.across_rig;
   if (a.known_octaves >= 0) o.creation.known_octaves = a.known_octaves;
+  if (a.fewest_keyframes > 0) o.creation.fewest_keyframes = a.fewest_keyframes;
   o.fusion.mode = a.serial_fusion ? turbomap::fusion_mode::serial_exact : turbomap::fusion_mode::snapshot;
   o.fusion.commit.merges = a.merges == "drop"     ? turbomap::merge_rule::drop
                            : a.merges == "refuse" ? turbomap::merge_rule::refuse
@@ -211,7 +212,8 @@ class replayer {
     if (arguments_.adjustment) tracker_(world_.map(), current);
     if (arguments_.projected) project_local_map(current);
     imu_.tracked(world_.map(), current);
-    begin += now_ms() - paused;
+    const double tracking_ms = now_ms() - paused;
+    begin += tracking_ms, began_ += tracking_ms;
     mapper_.watch(world_.create(i));
     world_.count_tracking(i);
     row.insertion_ms = now_ms() - begin;

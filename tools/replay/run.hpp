@@ -148,12 +148,13 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
   std::size_t adjustments = 0, adjustment_iterations = 0;
   turbomap::fusion_summary fused;
   turbomap::creation_summary creation;
-  turbomap::per_stage<std::size_t> skipped_stages;
-  for (const replay_row& row : result.rows) {
+  turbomap::per_stage<std::vector<std::size_t>> skipped_at;  // keyframes
+  for (std::size_t k = 0; k < result.rows.size(); ++k) {
+    const replay_row& row = result.rows[k];
     bool any = false;
     for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) {
       const bool skip = row.report.outcome.values[s] == turbomap::stage_outcome::skipped;
-      skipped_stages.values[s] += skip ? 1 : 0;
+      if (skip) skipped_at.values[s].push_back(k);
       any = any || skip;
     }
     skipped += any ? 1 : 0;
@@ -211,8 +212,11 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
     o.json["rate"] = arguments.rate, o.json["latency"] = latency.json();
   }
   if (skipped != 0)
-    for (std::size_t s = 0; s < turbomap::mapping_stages; ++s)
-      o.json["skipped_stages"][turbomap::to_string(static_cast<turbomap::mapping_stage>(s))] = skipped_stages.values[s];
+    for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) {
+      const char* const stage = turbomap::to_string(static_cast<turbomap::mapping_stage>(s));
+      o.json["skipped_stages"][stage] = skipped_at.values[s].size();
+      o.json["skipped_at"][stage] = skipped_at.values[s];
+    }
   if (!result.points.empty())
     o.json["observations_per_point"] =
         static_cast<double>(std::accumulate(result.point_observations.begin(), result.point_observations.end(), 0LL)) /
