@@ -3,11 +3,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Replays recordings under several options and prints what became of their maps, as Markdown.
 
-Recordings: those of DATA/recordings, with the IMU where there is one and --perturbed times each, and simulated ones (rigs x
-trajectories x noise x seeds; figures are medians over the seeds). Variants: every combination of --creation and --associate that this turbomap-replay knows, or the options that
---variants names. Simulated recordings and
-results are kept in the work folder: a run that was cut off goes on where it was, and results are made anew when the program
-has changed. Stage times are those of replays that ran side by side: use --jobs 1 for times to be quoted.
+Recordings: those of DATA/recordings, with the IMU where there is one, --perturbed times each (figures are means over these
+replays), and simulated ones (rigs x trajectories x noise x seeds; figures are medians over the seeds). Variants: every
+combination of --creation and --associate that this turbomap-replay knows, or the options that --variants names. Simulated
+recordings and results are kept in the work folder: a run that was cut off goes on where it was, and results are made anew when
+the program has changed. Stage times are those of replays that ran side by side: use --jobs 1 for times to be quoted.
 
     tools/evaluate_creation.py --jobs 16 --out creation.md
     tools/evaluate_creation.py --jobs 16 --variants "as it is: ; global at the end: --global-adjustment end"
@@ -38,6 +38,12 @@ def words(text):
     return [w for w in text.split(",") if w]
 
 
+def positive(text):
+    if int(text) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a positive number")
+    return int(text)
+
+
 def common_arguments(description):
     p = argparse.ArgumentParser(description=description, allow_abbrev=False)
     p.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/release/bin", help="folder of the programs")
@@ -58,7 +64,7 @@ def parse_arguments():
     p.add_argument("--drift", default="0.01", help="of the poses that come in, m per m; less would tell mapping what it has to find")
     p.add_argument("--no-recorded", action="store_true", help="simulated recordings only")
     p.add_argument("--no-simulated", action="store_true", help="recorded ones only")
-    p.add_argument("--perturbed", type=int, default=1,
+    p.add_argument("--perturbed", type=positive, default=1,
                    help="replays of each recorded one and variant; all but the first begin with guesses moved by 1e-6 m")
     p.add_argument("--policy", default="seq")
     p.add_argument("--variants", default="", help="'NAME: OPTIONS; NAME: OPTIONS', the baseline first; instead of the usual ones")
@@ -251,7 +257,7 @@ def spread(values):
 
 def compared(of, first, column):
     """How the same recordings fare under another variant: 'geometric mean of the ratios +- its standard error'."""
-    logs = [math.log(a[column] / b[column]) for a, b in zip(of, first) if a.get(column) and b.get(column)]
+    logs = [math.log(a / b) for a, b in zip(*both(of, first, column)) if a and b]
     if len(logs) < 2:
         return None
     mean, error = statistics.mean(logs), statistics.stdev(logs) / math.sqrt(len(logs))
@@ -284,16 +290,24 @@ def table(names, rows):
     return "\n".join(lines)
 
 
+def both(of, first, column):
+    """The figures of a column where both variants have one, of the same recordings."""
+    pairs = [(a[column], b[column]) for a, b in zip(of, first) if a.get(column) is not None and b.get(column) is not None]
+    return [a for a, _ in pairs], [b for _, b in pairs]
+
+
 def recorded_row(runs, first):
-    """Figures of the first replay; of the errors of several, mean and standard deviation, and how many more they are."""
-    values = dict(runs[0])
+    """Means over the replays of one recording; of the errors also the standard deviation, and how many more they are than those of
+    the first variant, with the standard error of that mean."""
+    values = {column: statistics.mean(told(runs, column)) for column in runs[0] if told(runs, column)}
     if len(runs) > 1:
-        values["ATE, mm"] = spread(told(runs, "ATE, mm"))
-        values["ATE / peer"] = spread(told(runs, "ATE / peer"))
-        differences = [a["ATE, mm"] - b["ATE, mm"] for a, b in zip(runs, first) if "ATE, mm" in a and "ATE, mm" in b]
-        if runs is not first and len(differences) > 1:
-            error = statistics.stdev(differences) / math.sqrt(len(differences))
-            values["mm more than the first variant"] = f"{statistics.mean(differences):.3f} +- {error:.3f}"
+        for column in ("ATE, mm", "ATE / peer"):
+            values[column] = spread(told(runs, column))
+        ours, theirs = both(runs, first, "ATE, mm")
+        if runs is not first and len(ours) > 1:
+            more = [a - b for a, b in zip(ours, theirs)]
+            error = statistics.stdev(more) / math.sqrt(len(more))
+            values["mm more than the first variant"] = f"{statistics.mean(more):.3f} +- {error:.3f}"
     return values
 
 
@@ -312,7 +326,7 @@ def summary_row(of, first, first_name):
             values[f"wrong of {what}, %"] = statistics.mean(wrong)
     for column in ("created", "wrong created", "merges", "wrong merged", "points left", "keyframes left", "obs. / point",
                    "search, ms", "creation, ms", "fusion, ms", "adjustment, ms", "total, ms"):
-        total, before = (sum(told(some, column)) for some in (of, first))
+        total, before = (sum(some) for some in both(of, first, column))
         if before and of is not first:
             values[f"{column} / {first_name}"] = total / before
     return values
@@ -360,7 +374,8 @@ def main():
         for count, job in enumerate(concurrent.futures.as_completed(jobs), 1):
             for folder, variant, found in job.result():
                 if "failed" in found:
-                    faults.append(f"- {folder.name}, {variant}: {found['failed']}")
+                    name = variant if isinstance(variant, str) else f"{variant[0]}, replay {variant[1]}"
+                    faults.append(f"- {folder.name}, {name}: {found['failed']}")
                 results[folder, variant] = figures(found)
             if sys.stderr.isatty():
                 print(f"\r{count} of {len(jobs)} jobs", end="" if count < len(jobs) else "\n", file=sys.stderr, flush=True)

@@ -13,28 +13,37 @@
 #endif
 #if defined(TURBOMAP_WITH_TBB)
 #include <tbb/global_control.h>
+#include <tbb/task_arena.h>
 #endif
 
 namespace turbomap_test {
 
-/// Calls `test` with each number of threads. OpenMP has so many then; TBB at most, because it goes by the processor's.
+#if defined(TURBOMAP_WITH_OPENMP)
+/// OpenMP has so many threads as long as this lives.
+struct openmp_threads {
+  int before = omp_get_max_threads();
+  explicit openmp_threads(int threads) { omp_set_num_threads(threads); }
+  openmp_threads(const openmp_threads&) = delete;
+  openmp_threads& operator=(const openmp_threads&) = delete;
+  ~openmp_threads() { omp_set_num_threads(before); }
+};
+#endif
+
+/// Calls `test` with each number of threads.
 template <class Test>
 void for_each_thread_count(const Test& test) {
-#if defined(TURBOMAP_WITH_OPENMP)
-  const int before = omp_get_max_threads();
-#endif
   for (const int threads : {1, 2, 3, 7}) {
 #if defined(TURBOMAP_WITH_OPENMP)
-    omp_set_num_threads(threads);
+    const openmp_threads openmp(threads);
 #endif
 #if defined(TURBOMAP_WITH_TBB)
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
-#endif
+    tbb::task_arena arena(threads);
+    arena.execute([&] { test(threads); });
+#else
     test(threads);
-  }
-#if defined(TURBOMAP_WITH_OPENMP)
-  omp_set_num_threads(before);
 #endif
+  }
 }
 
 }  // namespace turbomap_test

@@ -307,9 +307,11 @@ class replayer {
       };
     if (recording_.is_simulated() || arguments_.check || arguments_.merge_causes)
       hooks.stage_done = [this](turbomap::mapping_stage stage, const turbomap::mapping_report&) {
+        const double paused = now_ms();  // the judges' time, not mapping's
         if (stage == turbomap::mapping_stage::search && (recording_.is_simulated() || arguments_.check)) judge();
         if (recording_.is_simulated()) points_.stage_done(world_.map(), world_.id(query_), stage);
         if (arguments_.merge_causes) merges_.stage_done(world_.map(), stage, searched());
+        began_ += now_ms() - paused;
       };
     return hooks;
   }

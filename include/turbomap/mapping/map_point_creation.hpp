@@ -132,8 +132,8 @@ class map_point_creation {
     offsets_.push_back(static_cast<std::int32_t>(observations_.size()));
   }
 
-  /// As if the views of each point were in the map already. Covariances too, though the track had one: in the order in which
-  /// later updates sum them, so that an update which finds the same views finds the same bits.
+  /// As if the views of each point were in the map already. Covariances too: a later update sums the views in this order, so it
+  /// gives the same bits.
   void describe(context<Policy>& ctx, const search_type& search, const appearance_options& options) {
     const auto& ids = search.selection().ids();
     // In order of insertion into the map: of equal descriptors the first wins.
