@@ -80,6 +80,20 @@ TEST_CASE("what was put in comes out") {
   CHECK(map.keyframe_at(map.observations(p)[0].keyframe) == a);
 }
 
+TEST_CASE("a pose and a position of the map itself may be given") {
+  flat_map map;
+  turbomap::rigid_transform<double> T;
+  T.tx = 4;
+  auto k = map.add_keyframe({}, T);
+  auto p = map.add_point({1, 2, 3}, k);
+  for (int n = 0; n < 200; ++n) {  // its lists move several times
+    k = map.add_keyframe({}, map.T_cw(k), 0, k);
+    p = map.add_point(map.position(p), k);
+    REQUIRE(map.T_cw(k).tx == 4);
+    REQUIRE(map.position(p).z == 3);
+  }
+}
+
 TEST_CASE("bad input is refused, and changes nothing") {
   CHECK_THROWS_WITH_AS(flat_map(0), "turbomap: levels = 0: must be in [1, 256]: octaves are bytes",
                        std::invalid_argument);

@@ -38,8 +38,10 @@ class simple_map {
     require(levels >= 1 && levels <= 256, "levels", levels, "must be in [1, 256]: octaves are bytes");
   }
 
+  // Poses and positions by value: they may be those of this map, whose lists grow here.
+
   /// Adds a keyframe without points. Strong guarantee. \param time_s  of the image; \param previous  in time, if there is one
-  map_keyframe_id add_keyframe(span<const keypoint> keypoints, const rigid_transform<double>& T_cw, double time_s = 0,
+  map_keyframe_id add_keyframe(span<const keypoint> keypoints, rigid_transform<double> T_cw, double time_s = 0,
                                map_keyframe_id previous = {}) {
     for (std::size_t i = 0; i < keypoints.size(); ++i)
       require(keypoints[i].octave < levels_, "keypoints[].octave", static_cast<int>(keypoints[i].octave),
@@ -60,7 +62,7 @@ class simple_map {
   }
 
   /// Adds a point (world, m) without observations. Strong guarantee.
-  map_point_id add_point(const vec3<double>& position, map_keyframe_id reference = {}) {
+  map_point_id add_point(vec3<double> position, map_keyframe_id reference = {}) {
     if (reference != map_keyframe_id{}) check(reference);
     const std::size_t size = point_places_.size() + 1;
     grow(positions_, size), grow(normals_, size), grow(ranges_, size), grow(points_, size), grow(covariances_, size);
