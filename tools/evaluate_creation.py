@@ -255,6 +255,12 @@ def spread(values):
     return f"{show(statistics.mean(values))} +- {show(statistics.stdev(values))}"
 
 
+def both(of, first, column):
+    """The figures of a column where both variants have one, of the same recordings."""
+    pairs = [(a[column], b[column]) for a, b in zip(of, first) if a.get(column) is not None and b.get(column) is not None]
+    return [a for a, _ in pairs], [b for _, b in pairs]
+
+
 def compared(of, first, column):
     """How the same recordings fare under another variant: 'geometric mean of the ratios +- its standard error'."""
     logs = [math.log(a / b) for a, b in zip(*both(of, first, column)) if a and b]
@@ -288,12 +294,6 @@ def table(names, rows):
     lines = ["| " + " | ".join([*names, *columns]) + " |", "|" + "---|" * (len(names) + len(columns))]
     lines += ["| " + " | ".join([*map(str, key), *(show(values.get(c)) for c in columns)]) + " |" for key, values in rows]
     return "\n".join(lines)
-
-
-def both(of, first, column):
-    """The figures of a column where both variants have one, of the same recordings."""
-    pairs = [(a[column], b[column]) for a, b in zip(of, first) if a.get(column) is not None and b.get(column) is not None]
-    return [a for a, _ in pairs], [b for _, b in pairs]
 
 
 def recorded_row(runs, first):
@@ -356,7 +356,7 @@ def main():
     real, made = recorded(args), simulated(args)
 
     def work(folder, command):
-        fault = simulate(folder, command) if command else None
+        fault = simulate(folder, command)
         if fault:
             return [(folder, variant, {"failed": fault}) for variant in by_variant]
         done = [(folder, variant, replay(args, folder, options)) for variant, options in by_variant.items()]

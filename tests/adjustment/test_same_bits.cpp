@@ -33,7 +33,7 @@ bool same(const adjusted& a, const adjusted& b) {
   return same_bits(a.summary, b.summary) && same_bits(a.poses, b.poses) && same_bits(a.points, b.points);
 }
 
-TEST_CASE("the same bits for any policy, any number of threads and any call") {
+TEST_CASE("the same bits for any policy and any call") {
   for (const auto kind : {scene_kind::stereo, scene_kind::fisheye_rig}) {
     const auto s = make_adjustment_scene(kind, 12, 4, 300, 11);
     for (const auto numbers : {precision::float64, precision::mixed, precision::float32})

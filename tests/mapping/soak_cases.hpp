@@ -24,6 +24,7 @@
 #include <vector>
 
 #include "local_mapper_cases.hpp"
+#include "support/environment.hpp"
 #include "support/process_memory.hpp"
 
 namespace turbomap_test {
@@ -36,11 +37,6 @@ using orb_descriptor = turbomap::binary_descriptor<256>;
 constexpr int corridor = 150;            // keyframes from one end to the other
 constexpr std::size_t remembered = 200;  // keyframes that the system keeps
 constexpr std::size_t budget = std::size_t{384} << 10;
-
-inline long environment(const char* name, long otherwise) {
-  const char* const given = std::getenv(name);
-  return given == nullptr ? otherwise : std::atol(given);
-}
 
 inline mapping_case<pinhole_camera> soak_case() {
   mapping_recipe recipe = noisy(static_cast<unsigned>(environment("TURBOMAP_TEST_SEED", 5)));
@@ -196,7 +192,7 @@ inline double median(std::vector<double> values) {
 template <class Policy>
 void check_long_run(const Policy& policy) {
   using namespace soak;
-  const auto keyframes = static_cast<int>(std::max(300L, environment("TURBOMAP_TEST_KEYFRAMES", 300)));
+  const auto keyframes = static_cast<int>(std::max(300.0, environment("TURBOMAP_TEST_KEYFRAMES", 300)));
   const int every = std::min(1000, keyframes / 10);
   const auto c = soak_case();
   system<Policy> running(c, policy);

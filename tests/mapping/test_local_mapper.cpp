@@ -13,7 +13,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstddef>
-#include <cstdlib>
 #include <limits>
 #include <new>
 #include <random>
@@ -27,6 +26,7 @@
 #include "scenes/lying_map.hpp"
 #include "scenes/watched_map.hpp"
 #include "support/counted_new.hpp"
+#include "support/environment.hpp"
 #include "support/policies.hpp"
 #include "support/thread_counts.hpp"
 
@@ -56,8 +56,7 @@ TEST_CASE("with noise, and landmarks that look alike, it is nearly right") {
 // itself where no third view contradicts. Nearly all wrong merges are of points that were made of such matches.
 // TURBOMAP_TEST_SEEDS: scenes (3; the table of docs/matching.md is of 400).
 TEST_CASE("a fisheye rig among landmarks that look alike side by side") {
-  const char* const given = std::getenv("TURBOMAP_TEST_SEEDS");
-  const int seeds = given == nullptr ? 3 : std::atoi(given);
+  const auto seeds = static_cast<int>(environment("TURBOMAP_TEST_SEEDS", 3));
   const auto run = [&](const char* name, turbomap::creation_rule rule, int fewest_keyframes) {
     map_quality all;
     for (int seed = 1; seed <= seeds; ++seed) {

@@ -10,7 +10,6 @@
 
 #include <atomic>
 #include <chrono>
-#include <cstdlib>
 #include <random>
 #include <string>
 #include <thread>
@@ -19,6 +18,7 @@
 
 #include "local_mapper_cases.hpp"
 #include "scenes/watched_map.hpp"
+#include "support/environment.hpp"
 #include "support/policies.hpp"
 
 namespace {
@@ -98,8 +98,8 @@ TEST_CASE("somebody moves the map between two parts: the rest is not written") {
 }
 
 TEST_CASE("mapper, tracking and loop closing on one map") {
-  const char* const wanted = std::getenv("TURBOMAP_TEST_SECONDS");
-  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(wanted != nullptr ? std::atol(wanted) : 2);
+  const auto end = std::chrono::steady_clock::now() +
+                   std::chrono::seconds(static_cast<long>(environment("TURBOMAP_TEST_SECONDS", 2)));
   auto c = stereo_case(noisy(3));
   c.options.fusion.commit.entries_per_guard = 8;
   c.options.adjustment.points_per_guard = 64;

@@ -12,22 +12,12 @@
 #include <cstdio>
 
 #include "support.hpp"
+#include "under_tsan.hpp"
 
 #if defined(TURBOMAP_TEST_NEEDS_DEVICE)
 #include <cuda_runtime_api.h>
 #endif
 
-// ThreadSanitizer does not see the synchronisation inside the OpenMP and TBB run-times, which are not compiled with it, and
-// would report each parallel loop. With one worker each (for OpenMP by the environment, see CMakeLists.txt) it sees what
-// these tests are about: our own threads.
-#if defined(__has_feature)
-#if __has_feature(thread_sanitizer)
-#define TURBOMAP_TEST_UNDER_TSAN 1
-#endif
-#endif
-#if defined(__SANITIZE_THREAD__)
-#define TURBOMAP_TEST_UNDER_TSAN 1
-#endif
 #if defined(TURBOMAP_TEST_UNDER_TSAN) && defined(TURBOMAP_WITH_TBB)
 #include <tbb/global_control.h>
 #endif

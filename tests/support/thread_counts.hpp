@@ -8,6 +8,8 @@
 
 #include <cstddef>
 
+#include "under_tsan.hpp"
+
 #if defined(TURBOMAP_WITH_OPENMP)
 #include <omp.h>
 #endif
@@ -29,9 +31,12 @@ struct openmp_threads {
 };
 #endif
 
-/// Calls `test` with each number of threads.
+/// Calls `test` with each number of threads; under the thread sanitizer with one.
 template <class Test>
 void for_each_thread_count(const Test& test) {
+#if defined(TURBOMAP_TEST_UNDER_TSAN)
+  test(1);
+#else
   for (const int threads : {1, 2, 3, 7}) {
 #if defined(TURBOMAP_WITH_OPENMP)
     const openmp_threads openmp(threads);
@@ -44,6 +49,7 @@ void for_each_thread_count(const Test& test) {
     test(threads);
 #endif
   }
+#endif
 }
 
 }  // namespace turbomap_test

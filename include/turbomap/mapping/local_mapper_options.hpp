@@ -87,7 +87,7 @@ struct local_mapper_options {
   }
   /// Steps and end of the adjustments of [ORB-SLAM3], with and without an IMU.
   void use_published_steps() { adjustment.use_published_steps(), inertial.use_published_steps(); }
-  /// These options changed for trajectories near the bound at one and a half to two times the time:
+  /// These options changed for trajectories near the bound at 1.4 to 2.3 times the time:
   /// `local_mapper_options::stereo(...).balanced()`. It keeps true observations that the defaults lose: gates let 99.9 % of
   /// them pass instead of 95 %, octaves may be one off, and a keyframe is redundant when more than 8 others see its points. The
   /// map keeps covariances of its points, for tracking. For few wrong associations and pixel errors of at most 1 px at octave 0.

@@ -35,6 +35,7 @@
 #include "replay/recorded_keyframes.hpp"
 #include "replay/replayed_map.hpp"
 #include "replay/tracking.hpp"
+#include "support/environment.hpp"
 #include "support/process_memory.hpp"
 
 namespace {
@@ -42,11 +43,6 @@ namespace {
 using namespace turbomap_test;
 using sequential = std::decay_t<decltype(thrust::seq)>;
 using turbomap_replay::orb;
-
-double environment(const char* name, double otherwise) {
-  const char* const given = std::getenv(name);
-  return given == nullptr ? otherwise : std::atof(given);
-}
 
 template <class Camera>
 class chain {
