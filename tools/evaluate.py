@@ -16,6 +16,7 @@ that times can be quoted. Results are kept in the work folder: a run that was cu
 
 import csv
 import datetime
+import hashlib
 import html
 import json
 import math
@@ -69,6 +70,7 @@ def parse_arguments():
     args = p.parse_args()
     args.policy, args.seeds, args.noise, args.drift = "seq", ["1"], ["0.5"], "0.01"
     args.rigs = [rig for rig in replays.RIGS if rig != "mono" and not (args.no_inertial and rig.endswith("inertial"))]
+    args.seconds = []  # that each program took whose results are shown, also in a run before this one
     args.runs = 1 if args.no_times else max(args.runs or (2 if args.quick else 3), 1)
     args.keyframes = args.keyframes or (40 if args.quick else 100)
     args.trajectories = args.trajectories or (["builtin"] if args.quick else None)
@@ -209,6 +211,7 @@ def run_all(args, made, names):
             if "keypoint_offset" in found:
                 centres[case.name] = ["--pixel-centres" if found["pixel_centres"] else "--no-pixel-centres"]
             results[case.name, policy, what] = found
+            args.seconds.append(found.get("wall_s", 0))
         jobs.append((keyframe_count(args, case) * SECONDS_PER_KEYFRAME, f"{case.name}, {policy}, {what}", work))
 
     threads = ["1"] if args.quick else ["1", "2"]
@@ -225,10 +228,11 @@ def run_all(args, made, names):
                            dict(run=f"threads {count}", environment={"OMP_NUM_THREADS": count}), [])
         if args.no_times:
             continue
-        if not case.command and "--imu" not in case.options:
+        if not case.command and not (args.quick and case.options):
             for policy in stressed:
                 for rate in RATES:
                     add_replay(case, policy, "rate " + rate, {}, ["--rate", rate])
+        if not case.command and not case.options:
             for policy in names[:1] if args.quick else names:
                 jobs.append(stages_alone(args, case, policy, lambda found, case=case, policy=policy: keep(
                     alone, (case.name, policy), "stages alone", found, policy)))
@@ -306,6 +310,7 @@ def machine(args, names, clock):
     for fact, value in (("processor", f"{model}, {os.cpu_count()} threads"), ("date", datetime.date.today().isoformat()),
                         ("commit of the programs", args.commit or head.stdout.strip() or "unknown"), ("policies", ", ".join(names)),
                         ("options", options or "none"),
+                        ("wall clock of the programs, one after the other", minutes(sum(args.seconds))),
                         ("Ceres' clock", f"{clock:.1f} ms per iteration" if clock else "not measured")):
         t.add([fact], {"value": value})
     return t
@@ -362,10 +367,14 @@ def kept(args, program, name, command, **more):
     """What found_by() gives, of this run or of one before; what failed is not kept."""
     result = args.work / "results" / replays.digest(str(program)) / (name + ".json")
     if result.exists():
-        return json.loads(result.read_text())
-    new = replays.unfinished(result)
+        found = json.loads(result.read_text())
+        args.seconds.append(found.get("wall_s", 0))
+        return found
+    new, begin = replays.unfinished(result), time.monotonic()
     found = found_by(program, command, new, **more)
     if "failed" not in found:
+        found["wall_s"] = time.monotonic() - begin
+        args.seconds.append(found["wall_s"])
         new.write_text(json.dumps(found))
         new.rename(result)
     return found
@@ -496,6 +505,13 @@ def table_one(made, names, results):
                 gains = {stage: ratio(peer[stage][0], times[stage][0]) for stage in STAGES}
                 g.add([case.name, policy], {**gains, "TurboMap (theirs), whole mapping": paper})
                 below += [f"{case.name}, {policy}, {s}: {show(x)}" for s, x in gains.items() if x is not None and paper and x < paper]
+    for family, paper in PAPER.items():
+        for policy in names:
+            rows = [values for (name, who), values in g.rows if name.startswith(family) and who == policy]
+            if rows:
+                told = [s for s in STAGES if all(s in values for values in rows)]
+                g.add([f"mean of {family}", policy], {**{s: statistics.mean(float(values[s]) for values in rows) for s in told},
+                                                      "TurboMap (theirs), whole mapping": paper})
     if below:
         sentence = "Below the gain that TurboMap states for whole mapping: " + "; ".join(below) + "."
     elif g.rows:
@@ -564,7 +580,8 @@ def table_breakdown(made, names, results, device):
 def table_stress(made, names, results):
     t = table("Keyframes that come faster", "Keyframes come at so many times the recorded rate, by the clock of the stages' own "
               "times; fusion, adjustment and keyframe culling of a keyframe are skipped while the next one waits. Latency: from "
-              "its arrival to its end, ms. Peer: the same rule on its recorded times.", ["recording", "rate", "who"])
+              "its arrival to its end, ms. Map: whether it is that of the recorded rate to the last bit. Peer: the same rule on its recorded times.",
+              ["recording", "rate", "who"])
     for case in made:
         peer = peer_rows(case.folder)
         for rate in RATES:
@@ -573,11 +590,13 @@ def table_stress(made, names, results):
                 if not found or "latency" not in found:
                     continue
                 skipped = found.get("skipped_stages", {})
+                digests = [get(results, (case.name, policy, "rate " + r), "map_digest") for r in (RATES[0], rate)]
                 t.add([case.name, rate + "x", policy],
                       {"skipped adjustments": skipped.get("adjustment", 0), "skipped cullings": skipped.get("keyframe_culling", 0),
                        "skipped fusions": skipped.get("fusion", 0), "keyframes": get(found, "keyframes"),
                        "latency, median": get(found, "latency", "ms_median"), "latency, most": get(found, "latency", "ms_max"),
-                       "ATE, mm": get(found, "ate_rmse_m", scale=1000)})
+                       "ATE, mm": get(found, "ate_rmse_m", scale=1000),
+                       "map": None if None in digests else "the same" if digests[0] == digests[1] else "another"})
             if peer and any((case.name, policy, "rate " + rate) in results for policy in names):
                 skipped, median, most = peer_under_load(peer, float(rate))
                 t.add([case.name, rate + "x", "peer"],
@@ -690,6 +709,10 @@ def file_name(text):
     return "_".join("".join(c if c.isalnum() else " " for c in text).split())
 
 
+def digest_of(text):
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
 def table_plots(made, drawn, prefix):
     """The plots that a page shows: time per keyframe of recordings, and costs of problems."""
     t = table("Plots", "Time per keyframe over the run, while the map grows; costs over time of the problems above.", ["of"])
@@ -697,7 +720,7 @@ def table_plots(made, drawn, prefix):
     shown.update({name: name.partition("_")[2] for name in drawn if name.startswith("cost_")})
     for name, caption in shown.items():
         if name in drawn:
-            t.add([caption], {"plot": f"![{caption}]({prefix}{name}.svg)"})
+            t.add([caption], {"plot": f"![{caption}]({prefix}{name}.svg)", "SHA-256 begins with": digest_of(drawn[name])})
     return t
 
 
@@ -749,9 +772,10 @@ def check(path):
             sys.exit(f"evaluate: {path}:{line}: not what {path.with_suffix('.csv').name} says:\n  {has}\n  {should}")
     if text != wanted:
         sys.exit(f"evaluate: {path}: not what {path.with_suffix('.csv').name} says")
-    for plot_file in re.findall(r"!\[[^]]*\]\(([^)]+)\)", text):
-        if not (path.parent / plot_file).exists():
-            sys.exit(f"evaluate: {path}: there is no {plot_file}")
+    for plot_file, digest in re.findall(rf"!\[[^]]*\]\((figures/{path.stem}_[^)]+)\) \| (\w*)", text):
+        file = path.parent / plot_file
+        if not file.exists() or digest_of(file.read_text()) != digest:
+            sys.exit(f"evaluate: {path}: {plot_file} is not there, or is not the plot that the run drew")
     summary = next((t.note for t in read_csv(path.with_suffix(".csv")) if t.title == "Summary"), "")
     first = re.search(r"^# .*\n+((?:.+\n)+)", text, re.MULTILINE)
     said = " ".join(first.group(1).split()) if first else ""

@@ -26,6 +26,7 @@ import shutil
 import statistics
 import subprocess
 import sys
+import time
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 RIGS = {"mono": ["--camera", "euroc", "--mono"], "stereo": ["--camera", "euroc"], "fisheye": ["--camera", "tum-vi"],
@@ -181,11 +182,12 @@ def replay(args, folder, options, policy=None, run="", growth=False, environment
     new_growth = unfinished(growth_file)
     if growth:
         options = [*options, "--growth-file", str(new_growth)]
+    begin = time.monotonic()
     done = subprocess.run([program, str(folder), *options, "--json", str(new)], capture_output=True, text=True,
                           env={**os.environ, **(environment or {})})
     if not new.exists():
         return {"failed": done.stderr.strip() or f"exit status {done.returncode}"}
-    found = json.loads(new.read_text())
+    found = {**json.loads(new.read_text()), "wall_s": time.monotonic() - begin}
     if done.returncode != 0:
         found["failed"] = f"exit status {done.returncode}"
     found["made_by"] = mark
