@@ -52,6 +52,18 @@ TEST_CASE_TEMPLATE("every kind of observation converges as the oracle does", Pol
   }
 }
 
+TEST_CASE("the oracle gives the same with sparse equations") {
+  const auto s = make_adjustment_scene(scene_kind::stereo, 5, 2, 25, 7);
+  for (const bool scaled : {false, true}) {
+    oracle_problem dense = oracle_of(s), sparse = dense;
+    const auto costs = oracle_adjust(dense, 6, scaled, 1e-3);
+    const auto by_sparse = oracle_adjust<turbomap_test::sparse_equations>(sparse, 6, scaled, 1e-3);
+    REQUIRE(costs.size() == 6);
+    REQUIRE(by_sparse.size() == 6);
+    for (std::size_t i = 0; i < 6; ++i) CHECK(by_sparse[i] == doctest::Approx(costs[i]).epsilon(1e-9));
+  }
+}
+
 /// Newton's step overshoots: from x = 0.5 it only loses, unless it is damped.
 struct steep_factor {
   static constexpr int size = 1;

@@ -3,8 +3,9 @@
 #pragma once
 
 /// \file
-/// The oracle of bundle adjustment: dense normal equations of all unknowns, without the Schur complement, derivatives by
-/// central differences, Levenberg-Marquardt with Nielsen's damping. Written for reading; it uses none of the library.
+/// The oracle of bundle adjustment: normal equations of all unknowns, without the Schur complement, derivatives by
+/// central differences, Levenberg-Marquardt with Nielsen's damping. Written for reading; it uses none of the library. The
+/// equations are dense, or sparse where a problem is too large for that.
 
 #include <algorithm>
 #include <cmath>
@@ -15,6 +16,7 @@
 #include "eigen.hpp"
 TURBOMAP_TEST_EIGEN_BEGIN
 #include <Eigen/Cholesky>
+#include <Eigen/SparseCholesky>
 TURBOMAP_TEST_EIGEN_END
 
 namespace turbomap_test {
@@ -105,11 +107,11 @@ struct oracle_problem {
     return result;
   }
 
-  /// H = J^T w J and b = -J^T w e over all unknowns.
-  void normal_equations(Eigen::MatrixXd& H, Eigen::VectorXd& b) const {
+  /// b = -J^T w e over all unknowns, and every term of H = J^T w J: add_to_H(row, column, value).
+  template <class Add>
+  void sum_up(Eigen::VectorXd& b, const Add& add_to_H) const {
     std::vector<int> of_frame, of_landmark;
-    const int n = number(of_frame, of_landmark);
-    H = Eigen::MatrixXd::Zero(n, n), b = Eigen::VectorXd::Zero(n);
+    b = Eigen::VectorXd::Zero(number(of_frame, of_landmark));
     oracle_problem work = *this;
     for (const auto& block : blocks) {
       const Eigen::VectorXd e = residual(block);
@@ -146,10 +148,18 @@ struct oracle_problem {
         }
       }
       for (std::size_t i = 0; i < J.size(); ++i) {
-        for (std::size_t j = 0; j < J.size(); ++j) H(columns[i], columns[j]) += weight * J[i].dot(J[j]);
+        for (std::size_t j = 0; j < J.size(); ++j) add_to_H(columns[i], columns[j], weight * J[i].dot(J[j]));
         b[columns[i]] -= weight * J[i].dot(e);
       }
     }
+  }
+
+  /// H = J^T w J and b = -J^T w e over all unknowns.
+  void normal_equations(Eigen::MatrixXd& H, Eigen::VectorXd& b) const {
+    std::vector<int> of_frame, of_landmark;
+    const int n = number(of_frame, of_landmark);
+    H = Eigen::MatrixXd::Zero(n, n);
+    sum_up(b, [&H](int i, int j, double term) { H(i, j) += term; });
     for (std::size_t f = 0; f < held.size(); ++f)
       for (int i = 0; i < frames[f].dof() && of_frame[f] >= 0; ++i)
         if ((held[f] >> i & 1U) != 0) {
@@ -159,26 +169,60 @@ struct oracle_problem {
   }
 };
 
+/// The normal equations of small problems.
+struct dense_equations {
+  explicit dense_equations(const oracle_problem& problem) { problem.normal_equations(H, b); }
+
+  Eigen::VectorXd diagonal() const { return H.diagonal(); }
+  /// (H + diag(more))^-1 b
+  Eigen::VectorXd solve(const Eigen::VectorXd& more) const {
+    Eigen::MatrixXd damped = H;
+    damped.diagonal() += more;
+    return damped.ldlt().solve(b);
+  }
+
+  Eigen::MatrixXd H;
+  Eigen::VectorXd b;
+};
+
+/// Those of large problems. No unknown is held.
+struct sparse_equations {
+  explicit sparse_equations(const oracle_problem& problem) {
+    std::vector<Eigen::Triplet<double>> terms;
+    problem.sum_up(b, [&terms](int i, int j, double term) { terms.emplace_back(i, j, term); });
+    H.resize(b.size(), b.size());
+    H.setFromTriplets(terms.begin(), terms.end());
+  }
+
+  Eigen::VectorXd diagonal() const { return H.diagonal(); }
+  Eigen::VectorXd solve(const Eigen::VectorXd& more) const {
+    Eigen::SparseMatrix<double> damped = H;
+    for (Eigen::Index i = 0; i < more.size(); ++i) damped.coeffRef(i, i) += more[i];
+    return Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>>(damped).solve(b);
+  }
+
+  Eigen::SparseMatrix<double> H;
+  Eigen::VectorXd b;
+};
+
 /// Adjusts for so many iterations (one linearisation with all its retries). `scaled`: damps by lambda diag(H), not
-/// lambda I. \return the cost after each
-inline std::vector<double> oracle_adjust(oracle_problem& problem, int iterations, bool scaled = false) {
+/// lambda I. `first`: the first lambda; 0: by the largest entry of diag(H). \return the cost after each
+template <class Equations = dense_equations>
+std::vector<double> oracle_adjust(oracle_problem& problem, int iterations, bool scaled = false, double first = 0) {
   std::vector<double> costs;
-  double cost = problem.cost(), lambda = 0;
+  double cost = problem.cost(), lambda = first;
   for (int i = 0; i < iterations; ++i) {
-    Eigen::MatrixXd H;
-    Eigen::VectorXd b;
-    problem.normal_equations(H, b);
-    Eigen::VectorXd damping = Eigen::VectorXd::Ones(H.rows());
-    if (scaled) damping = H.diagonal().cwiseMax(1e-6);
-    if (i == 0) lambda = scaled ? 1e-4 : 1e-5 * H.diagonal().maxCoeff();
+    const Equations equations(problem);
+    Eigen::VectorXd damping = Eigen::VectorXd::Ones(equations.b.size());
+    if (scaled) damping = equations.diagonal().cwiseMax(1e-6);
+    if (i == 0 && !(first > 0)) lambda = scaled ? 1e-4 : 1e-5 * equations.diagonal().maxCoeff();
     double growth = 2;
     bool accepted = false;
     for (int step = 0; step < 11 && !accepted; ++step) {
-      Eigen::MatrixXd damped = H;
-      damped.diagonal() += lambda * damping;
-      const Eigen::VectorXd dx = damped.ldlt().solve(b);
+      const Eigen::VectorXd dx = equations.solve(lambda * damping);
       const oracle_problem candidate = problem.moved(dx);
-      const double after = candidate.cost(), ratio = (cost - after) / dx.dot(lambda * damping.cwiseProduct(dx) + b);
+      const double after = candidate.cost(),
+                   ratio = (cost - after) / dx.dot(lambda * damping.cwiseProduct(dx) + equations.b);
       accepted = ratio > 0;
       if (accepted) {
         lambda *= std::max(1.0 / 3, std::min(2.0 / 3, 1 - std::pow(2 * ratio - 1, 3)));

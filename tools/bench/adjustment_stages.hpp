@@ -10,7 +10,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <numeric>
 #include <string>
 #include <vector>
 
@@ -26,6 +25,7 @@
 #include "bundle/recorded_problem.hpp"
 #include "measure.hpp"
 #include "motion_only_calls.hpp"
+#include "progress.hpp"
 #include "readers/recording_snapshot_adjustment.hpp"
 #include "replay/check_adjustment.hpp"
 
@@ -39,30 +39,6 @@ struct recorded_adjustment {
   double peer_cost = 0;    ///< robust, where the recorded system ended
   std::size_t newest = 0;  ///< of the frames that move
 };
-
-/// What is left with the points that are seen most often: the oracle solves for all unknowns at once, and its time grows with their
-/// cube.
-inline turbomap::reprojection_data with_points_seen_most(const turbomap::reprojection_data& all, std::size_t most) {
-  std::vector<int> seen(all.points.size(), 0), order(all.points.size()), number(all.points.size(), -1);
-  for (const auto l : all.landmark) ++seen[static_cast<std::size_t>(l)];
-  std::iota(order.begin(), order.end(), 0);
-  const auto views = [&](int l) { return seen[static_cast<std::size_t>(l)]; };
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return views(a) > views(b); });
-  turbomap::reprojection_data part;
-  part.T_cw = all.T_cw, part.fixed = all.fixed;
-  for (std::size_t i = 0; i < order.size() && i < most; ++i) {
-    number[static_cast<std::size_t>(order[i])] = static_cast<int>(i);
-    part.points.push_back(all.points[static_cast<std::size_t>(order[i])]);
-  }
-  for (std::size_t i = 0; i < all.observation_count(); ++i) {
-    const int l = number[static_cast<std::size_t>(all.landmark[i])];
-    if (l < 0) continue;
-    part.frame.push_back(all.frame[i]), part.landmark.push_back(l), part.camera.push_back(all.camera[i]);
-    part.stereo.push_back(all.stereo[i]), part.pixel.push_back(all.pixel[i]);
-    part.information.push_back(all.information[i]);
-  }
-  return part;
-}
 
 inline turbomap_test::oracle_problem oracle_of(const turbomap::reprojection_data& d,
                                                const std::vector<turbomap_test::cost_camera>& rig) {
@@ -154,62 +130,43 @@ inline nlohmann::json per_problem(nlohmann::json times, std::size_t problems, co
   return times;
 }
 
-/// Whole problems, which no dense oracle solves: they end where the recorded system did.
+/// Beside the oracle, which is timed once: it takes seconds where an adjustment takes milliseconds.
 template <class Camera, class Policy>
 nlohmann::json time_adjustment(const Policy& policy, const std::vector<recorded_adjustment<Camera>>& problems,
-                               int repetitions) {
+                               const std::vector<turbomap_test::cost_camera>& rig, int repetitions) {
   adjuster<Camera, Policy> adjust(policy);
   adjustment_floor floor;
+  double oracle_ms = 0;
+  turbomap_program::progress bar("adjustments by the oracle", problems.size());
   for (const auto& one : problems) {
     adjust(one.problem, one.options);
     std::vector<turbomap::isometry<double>> T_cw;
     for (const auto& T : adjust.frames) T_cw.push_back(turbomap::to_isometry<double>(T));
     const double cost = robust_sum(turbomap_bundle::observation_costs(one.problem, T_cw, adjust.landmarks));
     require_same(cost <= turbomap_replay::adjustment_bounds{}.worst_cost_ratio * one.peer_cost, "adjustment");
-    const auto of_one = floor_of_iteration(one.problem.data);
-    floor.multiply_adds += adjust.summary.iterations * of_one.multiply_adds;
-    floor.transforms += adjust.summary.iterations * of_one.transforms;
-  }
-  const auto ours = [&] {
-    for (const auto& one : problems) adjust(one.problem, one.options);
-  };
-  return per_problem(interleave(repetitions, ours, {}, floor.ms()), problems.size(), floor);
-}
 
-/// The same with the 100 points that are seen most often, beside the oracle, from its first damping.
-template <class Camera, class Policy>
-nlohmann::json time_adjustment_part(const Policy& policy, std::vector<recorded_adjustment<Camera>> problems,
-                                    const std::vector<turbomap_test::cost_camera>& rig, int repetitions) {
-  adjuster<Camera, Policy> adjust(policy);
-  adjustment_floor floor;
-  std::vector<turbomap_test::oracle_problem> begin;
-  for (auto& one : problems) {
-    one.problem.data = with_points_seen_most(one.problem.data, 100);
-    one.options.initial_lambda = 0;
-    begin.push_back(oracle_of(one.problem.data, rig));
-    auto expected = begin.back(), got = begin.back();
-    turbomap_test::oracle_adjust(expected, one.options.max_iterations);
-    adjust(one.problem, one.options);
+    auto expected = oracle_of(one.problem.data, rig), got = expected;
+    const double begin = now_ms();
+    turbomap_test::oracle_adjust<turbomap_test::sparse_equations>(expected, one.options.max_iterations, false,
+                                                                  one.options.initial_lambda);
+    oracle_ms += now_ms() - begin;
     for (std::size_t f = 0; f < got.frames.size(); ++f) got.frames[f] = turbomap_test::frame_of(adjust.frames[f]);
     for (std::size_t l = 0; l < got.landmarks.size(); ++l) {
       const auto& x = adjust.landmarks[l];
       got.landmarks[l] = {x.x, x.y, x.z};
     }
-    require_same(std::abs(got.cost() / expected.cost() - 1) < 1e-6, "adjustment_part");
+    require_same(std::abs(got.cost() / expected.cost() - 1) < 1e-6, "adjustment");
     const auto of_one = floor_of_iteration(one.problem.data);
     floor.multiply_adds += adjust.summary.iterations * of_one.multiply_adds;
     floor.transforms += adjust.summary.iterations * of_one.transforms;
+    bar.advance();
   }
   const auto ours = [&] {
     for (const auto& one : problems) adjust(one.problem, one.options);
   };
-  const auto oracle = [&] {
-    for (std::size_t i = 0; i < problems.size(); ++i) {
-      auto o = begin[i];
-      turbomap_test::oracle_adjust(o, problems[i].options.max_iterations);
-    }
-  };
-  return per_problem(interleave(repetitions, ours, oracle, floor.ms()), problems.size(), floor);
+  nlohmann::json times = interleave(repetitions, ours, {}, floor.ms());
+  times["oracle_ms_median"] = oracle_ms, times["ratio"] = oracle_ms / times["ms_median"].get<double>();
+  return per_problem(times, problems.size(), floor);
 }
 
 /// One frame, with what it sees.
@@ -304,8 +261,7 @@ nlohmann::json run_adjustment_stages(const Policy& policy, const turbomap::recor
   nlohmann::json stages = nlohmann::json::object();
   if (problems.empty()) return stages;
   const auto rig = turbomap_test::recorded_cost_rig(recording.meta);
-  stages["adjustment"] = time_adjustment(policy, problems, repetitions);
-  stages["adjustment_part"] = time_adjustment_part(policy, problems, rig, repetitions);
+  stages["adjustment"] = time_adjustment(policy, problems, rig, repetitions);
   stages["motion_only"] = time_motion_only(policy, problems, rig, repetitions);
   return stages;
 }
