@@ -43,8 +43,10 @@ PAPER = {"euroc": 1.3, "tum": 1.6}  # 'TurboMap: GPU-Accelerated Local Mapping f
 CERES_MS = 90  # per iteration of synthetic-lba/30-20-6000 where and when the recorded system was timed
 ABLATION = {"search_exact": "search", "creation": "creation", "duplicates": "fusion", "map_update": "point update", "adjustment":
             "adjustment", "point_culling": "point culling", "culling": "keyframe culling"}  # stages of turbomap-bench
+# Of the size of these three problems of BAL: cameras, points, observations.
+GENERATED = {"Ladybug-1723": "1723,156502,678718", "Venice-1778": "1778,993923,5001946", "Final-13682": "13682,4456117,28987644"}
 SECONDS_PER_KEYFRAME = 0.015  # of a replay, for a first guess of the time left
-SECONDS_OF_BENCH, SECONDS_OF_BUNDLE = 3, 5  # per repetition of all snapshots of a recording; per problem
+SECONDS_OF_BENCH, SECONDS_OF_BUNDLE, SECONDS_OF_GENERATED = 3, 5, 20  # per repetition of all snapshots of a recording; per problem
 KERNEL_TIMES = "libturbomap-kernel-times.so"
 CUPTI = ("/usr/local/cuda/lib64/libcupti.so", "/usr/local/cuda/extras/CUPTI/lib64/libcupti.so")
 BEGIN, END = "<!-- evaluate: begin -->", "<!-- evaluate: end -->"
@@ -181,10 +183,10 @@ def minutes(seconds):
 
 
 def run_all(args, made, names):
-    """What every program said: replays {(case name, policy, what): JSON}, Ceres' clock, BAL problems, stages alone, what became of
-    each stage on a device, and what went wrong besides the replays [(recording or problem, policy, what, fault)]."""
+    """What every program said: replays {(case name, policy, what): JSON}, Ceres' clock, BAL problems, generated ones, stages alone, what
+    became of each stage on a device, and what went wrong besides the replays [(recording or problem, policy, what, fault)]."""
     jobs = []  # (weight, name, work)
-    results, measured, adjusted, alone, device, faults = {}, {}, {}, {}, {}, []
+    results, measured, adjusted, made_problems, alone, device, faults = {}, {}, {}, {}, {}, {}, []
     # Of each set-up that was replayed: what its first replay found out from observations, which takes a quarter of its time, holds for
     # the others. []: the recording says it.
     centres = {}
@@ -243,6 +245,9 @@ def run_all(args, made, names):
         for problem in sorted(args.data.glob("bal*/problem*.txt")):
             jobs.append((SECONDS_OF_BUNDLE, problem.stem, lambda problem=problem: keep(
                 adjusted, problem.stem, "bundle adjustment", bundle(args, problem))))
+        for name, size in GENERATED.items() if "cuda" in names and not args.quick and (args.bin / "turbomap-bundle").exists() else ():
+            jobs.append((SECONDS_OF_GENERATED, f"generated, as {name}", lambda name=name, size=size: keep(
+                made_problems, name, "generated", generated(args, size), "cuda")))
     jobs = [job for job in jobs if job]
     shown = progress([weight for weight, *_ in jobs])
     for weight, name, work in jobs:
@@ -250,7 +255,7 @@ def run_all(args, made, names):
         work()
         shown.advance(weight, time.monotonic() - begin, name)
     clock = get(measured, "Ceres' clock", "ceres", "ms_per_iteration")
-    return results, clock, {name: found for name, found in adjusted.items() if found}, alone, device, faults
+    return results, clock, {name: found for name, found in adjusted.items() if found}, made_problems, alone, device, faults
 
 
 # --- tables -------------------------------------------------------------------------------------------------------------
@@ -384,6 +389,33 @@ def bundle(args, problem):
     """What turbomap-ceres-bundle says of a BAL file, or turbomap-bundle where Ceres is not; {}: there is neither."""
     program = next((p for p in (args.bin / "turbomap-ceres-bundle", args.bin / "turbomap-bundle") if p.exists()), None)
     return kept(args, program, problem.stem, [str(problem), "--iterations", "50", "--repeat", "3"]) if program else {}
+
+
+def generated(args, size):
+    """What turbomap-bundle says of a problem that it makes, on a device: of ten iterations, and as 'short' of so many as come within 1 % of
+    the best cost of those."""
+    def run(name, more):
+        return kept(args, args.bin / "turbomap-bundle", f"generated_{size}_{name}".replace(",", "_"),
+                    [size, *"--format generated --policy cuda --solver pcg --precision mixed --iterations".split(), *more])
+    long = run("ten", ["10"])
+    if "failed" in long:
+        return long
+    enough = 1 + next(i for i, cost in enumerate(long["costs"]) if cost <= 1.01 * min(long["costs"]))
+    short = run(f"{enough}", [str(enough), "--repeat", "3"])
+    return short if "failed" in short else {**long, "short": short}
+
+
+def table_generated(found_by_name):
+    t = table("Bundle adjustment of generated problems on a device", "As large as three problems of BAL, but made: a street, from small errors, "
+              "without outliers. Mixed precision, conjugate gradients. ms of the adjustment to within 1 % of the best cost of ten iterations, "
+              "median of two, after the set-up.", ["as"])
+    for name, found in found_by_name.items():
+        short = found["short"]
+        t.add([name], {"cameras": found["frames"], "points": found["landmarks"], "observations": found["observations"],
+                       "cost at the start": found["cost_initial"], "after those": short["cost_final"], "best of ten": min(found["costs"]),
+                       "iterations to within 1 %": short["iterations"], "ms to within 1 %": short["ms_adjust"],
+                       "ms, set-up": short["ms_setup"], "ms, all ten": found["ms_adjust"], "device memory, MB": found["peak_bytes"] / 1e6})
+    return t
 
 
 def stages_alone(args, case, policy, take):
@@ -800,7 +832,7 @@ def main():
         sys.exit("evaluate: there is nothing to replay: no policy or no recording")
     replays.sweep(args.work)
     try:
-        results, clock, adjusted, alone, device, others = run_all(args, made, names)
+        results, clock, adjusted, made_problems, alone, device, others = run_all(args, made, names)
     except KeyboardInterrupt:
         sys.exit(f"\nevaluate: stopped. What is done is kept in {args.work}: the same command goes on from there")
     times, gains, sentence = table_one(made, names, results)
@@ -820,7 +852,7 @@ def main():
     else:
         tables += [times, gains, at_clock, table_breakdown(made, names, results, device),
                    table_stress(made, names, results), table_first_skips(made, names, results), table_ablation(alone),
-                   table_determinism(made, results), table_bundle(adjusted)]
+                   table_determinism(made, results), table_bundle(adjusted), table_generated(made_problems)]
     if faults:
         failed = table("Failed", "What went wrong.", ["recording", "policy", "what"])
         for name, policy, what, fault in faults:
