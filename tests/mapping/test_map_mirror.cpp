@@ -510,6 +510,24 @@ TEST_CASE(
   CHECK(differences(f.m) == 0);
 }
 
+TEST_CASE("a point that is reported when another has its place in the user's map already is read anew") {
+  using traits = turbomap::map_traits<turbomap::map_mirror<flat_map>>;
+  flat_map map;
+  turbomap::map_mirror<flat_map> mirror(map);
+  const auto k = insert_keyframe(map, {make_keypoint(0), make_keypoint(0)}, 0, {});
+  const auto erased = map.add_point({1, 2, 3}, k);
+  REQUIRE(turbomap::observe(map, erased, k, 0));
+  const auto mine = mirror.number(erased);
+  REQUIRE(traits::alive(mirror, mine));
+  turbomap::erase_point(map, erased);
+  const auto other = map.add_point({1, 2, 3}, k);
+  REQUIRE(other.index == erased.index);  // so nobody can ask for the id of the first one
+  mirror.changed(erased);
+  mirror.hear();
+  CHECK_FALSE(traits::alive(mirror, mine));
+  CHECK(traits::alive(mirror, mirror.number(other)));
+}
+
 TEST_CASE("who reports may hold the lock of the object") {
   furnished f(3);
   pointer_keyframe& k = f.m.objects.keyframes[0];

@@ -84,7 +84,15 @@ class map_mirror {
     const auto reported = reports_.take();
     try {
       if (reported.all) copy_.forget_all();
-      for (const user_point& p : reported.points) forget(number(p));
+      lost_.clear();
+      for (const user_point& p : reported.points) {
+        const point known = number(p);
+        if (known.index == map_copy<Map>::gone)
+          lost_.push_back(p);
+        else
+          forget(known);
+      }
+      if (!lost_.empty()) forget_named();
       for (const user_keyframe& k : reported.keyframes) read_again(number(k));
     } catch (...) {
       refresh();
@@ -129,7 +137,17 @@ class map_mirror {
   const user_point& name(point p) const { return copy_.name(p); }
 
  private:
+  /// Points that are dead are found by their id. A handle may not tell it any more: another point has its place in the user's
+  /// map. Then its name is looked for among all.
+  void forget_named() {
+    auto& points = copy_.points;
+    for (std::size_t p = 1; p < points.size(); ++p)
+      for (const user_point& name : lost_)
+        if (points.names[p] == name) points.entries[p].read = 0;
+  }
+
   mutable map_copy<Map> copy_;
+  list_of<user_point> lost_;  ///< reported points that are dead, of which the mirror does not know by their id
   mirror_sample<Map> sample_;
   mutable mirror_reports<Map> reports_;
 };
