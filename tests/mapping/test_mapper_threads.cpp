@@ -3,23 +3,16 @@
 
 /// \file
 /// Commits in parts: the same map whatever the size of a part, and nothing is written once somebody else has moved what a
-/// result was computed from. And mapper, tracking and loop closing on one map in three threads; made for the thread sanitizer.
-/// TURBOMAP_TEST_SECONDS in the environment lets the threads run for longer than two seconds.
+/// result was computed from. And mapper, tracking and loop closing on one map in three threads (mapper_threads_cases.hpp).
 
 #include <thrust/execution_policy.h>
 
-#include <atomic>
-#include <chrono>
-#include <random>
+#include <algorithm>
 #include <string>
-#include <thread>
-#include <utility>
-#include <vector>
 
 #include "local_mapper_cases.hpp"
+#include "mapper_threads_cases.hpp"
 #include "scenes/watched_map.hpp"
-#include "support/environment.hpp"
-#include "support/policies.hpp"
 
 namespace {
 
@@ -97,114 +90,19 @@ TEST_CASE("somebody moves the map between two parts: the rest is not written") {
   }
 }
 
-TEST_CASE("mapper, tracking and loop closing on one map") {
-  const auto end = std::chrono::steady_clock::now() +
-                   std::chrono::seconds(static_cast<long>(environment("TURBOMAP_TEST_SECONDS", 2)));
+template <class Map>
+void check_threads(told by = told::by_keyframes) {
   auto c = stereo_case(noisy(3));
-  c.options.fusion.commit.entries_per_guard = 8;
-  c.options.adjustment.points_per_guard = 64;
-  c.options.points_read_per_guard = 64;  // so keyframes are culled in parts too
-  c.options.adjustment.solve.max_iterations = 3;
   const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
-  run_type run(scene, c.options, {}, sequential_policy(), [] {
-    turbomap::keyframe_store_options o;
-    o.chunk_bytes = std::size_t{1} << 16, o.byte_budget = std::size_t{3} << 20;
-    return o;
-  }());
-  run.notes_creation = false;
-  auto& map = run.map;
-  std::atomic<bool> done{false};
-  std::atomic<long> reads{0}, moves{0};
+  mapping_run<Map, sequential_policy, turbomap::local_adjustment<Map, sequential_policy>> run(
+      scene, in_small_parts(c.options), {}, sequential_policy(), little_memory());
+  mapper_threads(scene, run, camera_alone{}, by).check(12);
+}
 
-  // Reads the newest keyframes and their points, and searches the newest keyframes in the store.
-  std::vector<turbomap::keyframe_handle> newest;  // under the guard
-  std::thread tracking([&] {
-    turbomap::context<sequential_policy> ctx;
-    double sum = 0;
-    while (!done) {
-      std::vector<turbomap::keyframe_handle> handles;
-      {
-        const auto guard = turbomap::map_guard(map);
-        handles = newest;
-        traits::for_each_point(map, [&](turbomap::map_point_id p) {
-          sum += traits::position(map, p).x + traits::max_distance(map, p) + traits::descriptor_data(map, p)[0];
-          traits::for_each_observation(
-              map, p, [&](turbomap::map_keyframe_id k, std::size_t) { sum += traits::pose(map, k).tx; });
-        });
-      }
-      try {
-        const auto pinned =
-            run.store.pin(ctx, turbomap::span<const turbomap::keyframe_handle>(handles.data(), handles.size()));
-        for (std::size_t i = 0; i < handles.size(); ++i)
-          for (int k = 0; k < pinned[i].keypoint_count; ++k)
-            sum += pinned[i].descriptor_of(k)[0] + pinned[i].pixel[k].x;
-      } catch (const turbomap::stale_handle&) {  // culled since
-      }
-      ++reads;
-      std::this_thread::yield();
-    }
-    CHECK(std::isfinite(sum));
-  });
-  // Moves the whole map, merges and erases.
-  std::thread loop_closing([&] {
-    std::mt19937 random(11);
-    std::vector<std::pair<turbomap::map_keyframe_id, std::size_t>> scratch;
-    std::vector<turbomap::map_point_id> points;
-    while (!done) {
-      {
-        const auto guard = turbomap::map_guard(map);
-        if (random() % 4 == 0) move_all(map, random() % 2 == 0 ? 1e-3 : -1e-3), ++moves;
-        points.clear();
-        traits::for_each_point(map, [&](turbomap::map_point_id p) { points.push_back(p); });
-        for (int n = 0; n < 3 && points.size() > 10; ++n) {
-          const auto p = points[random() % points.size()], q = points[random() % points.size()];
-          if (!map.alive(p) || !map.alive(q)) continue;
-          if (random() % 4 == 0)
-            turbomap::erase_point(map, p);
-          else
-            turbomap::merge_points(map, p, q, turbomap::merge_rule::refuse, scratch);
-        }
-      }
-      std::this_thread::yield();
-    }
-  });
-  std::size_t matches = 0, accepted = 0, stale = 0;
-  int keyframes = 0;
-  for (; keyframes < 12 || std::chrono::steady_clock::now() < end; ++keyframes) {
-    turbomap::map_keyframe_id k;
-    {
-      const auto guard = turbomap::map_guard(map);
-      k = run.add();
-    }
-    const auto& view = run.view(run.keyframes().size() - 1);
-    run.mapper.insert(k, scene.data<turbomap::binary_descriptor<256>>(view));  // takes the guard itself
-    {
-      const auto guard = turbomap::map_guard(map);
-      run.associate(k, view);
-      newest.clear();
-      for (std::size_t i = run.keyframes().size(); i-- > 0 && newest.size() < 3;) {
-        turbomap::keyframe_handle handle;
-        if (map.alive(run.keyframes()[i]) && run.mapper.stored().find(traits::id(map, run.keyframes()[i]), handle))
-          newest.push_back(handle);
-      }
-    }
-    const auto& report = run.mapper.process(k);
-    matches += report.matches, accepted += report.adjustment.solve.accepted > 0 ? 1 : 0;
-    stale += report.adjustment.stale ? 1 : 0;
-    CHECK(report.refused.empty());
-    const auto guard = turbomap::map_guard(map);
-    REQUIRE(turbomap::validate(map).empty());
-  }
-  done = true;
-  tracking.join(), loop_closing.join();
-  CAPTURE(keyframes);
-  CAPTURE(stale);
-  CHECK(reads > 5);
-  CHECK(moves > 3);
-  CHECK(matches > 0);  // a move before the commit keeps points from being made of them
-  CHECK(accepted > 0);
-  CHECK(turbomap::validate(map).empty());
-  CHECK(run.store.statistics().pinned_sets == 0);
+TEST_CASE("mapper, tracking and loop closing on one map") { check_threads<watched>(); }
+TEST_CASE("the same where the mapper works on a mirror, which is told of all that loop closing does") {
+  check_threads<mirrored_watched_map>(told::by_keyframes);
+  check_threads<mirrored_watched_map>(told::by_points);
 }
 
 }  // namespace
