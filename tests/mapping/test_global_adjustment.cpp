@@ -16,6 +16,7 @@
 
 #include "adjustment_expectation.hpp"
 #include "local_adjustment_cases.hpp"
+#include "scenes/mapping_scene.hpp"
 #include "scenes/pointer_map.hpp"
 #include "scenes/watched_map.hpp"
 #include "support/policies.hpp"
@@ -223,24 +224,87 @@ TEST_CASE("points that moved or died meanwhile keep what they have, the rest is 
 }
 
 TEST_CASE("in parts: the same map, and once somebody moves a keyframe no more is written") {
-  local_scene<watched> whole(with_outliers()), parts(with_outliers()), cut(with_outliers());
+  local_scene<watched> whole(with_outliers()), parts(with_outliers()), early(with_outliers()), late(with_outliers());
   const auto summary = adjust_while(whole, [] {});
+  const std::string unadjusted = early.state();
+  const auto move = [](local_scene<watched>& s) {
+    return [&s] {
+      auto T = s.map.T_cw(s.keyframes[6]);
+      T.tz += 1;
+      watched_traits::set_pose(s.map, s.keyframes[6], T);
+    };
+  };
+  const long before = parts.map.watch.taken;
   CHECK(adjust_while(
             parts, [] {}, 4, 16)
             .outliers == summary.outliers);
   CHECK(parts.map.watch.unguarded == 0);
   CHECK(parts.state() == whole.state());
-  const auto stopped = adjust_while(
-      cut,
-      [&] {
-        auto T = cut.map.T_cw(cut.keyframes[6]);
-        T.tz += 1;
-        watched_traits::set_pose(cut.map, cut.keyframes[6], T);
-      },
-      4, 16);
+  // One hold to read, then outliers are looked for, poses and positions written, outliers taken out, four in each.
+  const long times = parts.map.watch.taken - before, taking_out = (static_cast<long>(summary.outliers) + 3) / 4;
+  const auto nothing_written = adjust_while(early, move(early), 3, 16);
+  CHECK(nothing_written.stale);
+  auto T = early.map.T_cw(early.keyframes[6]);
+  T.tz -= 1;
+  watched_traits::set_pose(early.map, early.keyframes[6], T);
+  CHECK(early.state() == unadjusted);
+  const auto stopped = adjust_while(late, move(late), static_cast<int>(times - taking_out), 16);
   CHECK(stopped.stale);
   CHECK(stopped.outliers == 0);
-  CHECK(same_pose(cut.map.T_cw(cut.keyframes[3]), whole.map.T_cw(whole.keyframes[3])));  // poses come first
+  CHECK(same_pose(late.map.T_cw(late.keyframes[3]), whole.map.T_cw(whole.keyframes[3])));  // poses come first
+}
+
+/// Adjusts a map that is read in parts of this size. \param named  keyframes that move; none: all that is connected
+turbomap::local_adjustment_summary adjust_read_in_parts(local_scene<watched>& s, int most,
+                                                        const std::vector<turbomap::map_keyframe_id>& named = {}) {
+  adjustment_run<watched, sequential> run(sequential{}, s);
+  auto scope = run.scope();
+  scope.points_read_per_guard = most;
+  turbomap::global_adjustment adjust(scope);
+  s.map.watch.armed = true;
+  const auto summary = named.empty() ? adjust(scope, s.keyframes[5], global_adjustment_options{})
+                                     : adjust(scope, named, global_adjustment_options{});
+  s.map.watch.armed = false;
+  CHECK(s.map.watch.unguarded == 0);
+  return summary;
+}
+
+TEST_CASE("read in parts: the same map, however long they are") {
+  for (const bool all : {true, false}) {
+    local_scene<watched> whole(with_outliers());
+    const auto named = [&](const local_scene<watched>& s) {
+      return all ? std::vector<turbomap::map_keyframe_id>{}
+                 : std::vector<turbomap::map_keyframe_id>{s.keyframes[3], s.keyframes[4], s.keyframes[7]};
+    };
+    const auto summary = adjust_read_in_parts(whole, 0, named(whole));
+    CHECK(summary.solve.accepted > 0);
+    for (const int most : {1, 7, 100}) {
+      CAPTURE(most);
+      local_scene<watched> s(with_outliers());
+      const auto again = adjust_read_in_parts(s, most, named(s));
+      CHECK(s.map.watch.taken > whole.map.watch.taken);
+      CHECK(again.observations == summary.observations);
+      CHECK(s.state() == whole.state());
+    }
+  }
+}
+
+TEST_CASE("the whole map is moved between two parts of what is read: what is adjusted is of one time") {
+  local_scene<watched> still(with_outliers());
+  const auto expected = adjust_read_in_parts(still, 20);
+  for (int part = 2; part < 8; ++part) {
+    CAPTURE(part);
+    local_scene<watched> s(with_outliers());
+    int times = 0;
+    s.map.watch.before = [&] {
+      if (++times == part) move_all(static_cast<watched_traits::map&>(s.map), 64);
+    };
+    const auto summary = adjust_read_in_parts(s, 20);
+    s.map.watch.before = {};
+    CHECK_FALSE(summary.stale);
+    CHECK(summary.observations == expected.observations);
+    CHECK(summary.solve.cost_final == doctest::Approx(expected.solve.cost_final).epsilon(1e-3));
+  }
 }
 
 /// The map stays to the last bit, and the end is this.

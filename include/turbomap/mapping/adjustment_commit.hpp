@@ -85,31 +85,35 @@ class adjustment_commit {
   /// A window is read anew: nothing of it has lost a view.
   void clear() { lost_views_.clear(); }
 
-  /// Writes poses and positions, and takes out the outliers, in parts. Before each part it looks whether the poses are those
-  /// that it knows: once somebody else has moved a keyframe, the rest of the result no longer fits.
+  /// Finds the outliers, writes poses and positions, and takes the outliers out, in parts; all poses are written in one. Before each
+  /// part it looks whether the poses are those that it knows: once somebody else has moved a keyframe, the rest of the result
+  /// no longer fits.
   /// \param more  what else a free frame has: see pose_alone
   template <class More>
   void operator()(const scope& s, const local_adjustment_options& options, local_adjustment_summary& summary,
                   More more) {
     known_ = window_.frames().T_cw();
     find_rows_beyond_gates(options);
-    {
+    const auto most = static_cast<std::size_t>(options.points_per_guard);
+    const std::size_t most_rows = most == 0 ? beyond_.size() : (most + 3) / 4;
+    outliers_.clear();
+    std::size_t looked_at_rows = 0;
+    do {
       const auto guard = s.guard();
       if (!poses_are_known(s.map) || !more_is_known(s.map, more)) summary.stale = true;
       if (summary.stale) return;
-      find_outliers(s.map, s.faults);
+      looked_at_rows = find_outliers(s.map, looked_at_rows, most_rows, s.faults);
+      if (looked_at_rows < beyond_.size()) continue;
       lost_views_.reserve(outliers_.size());
       write_poses(s.map, more);
-      const auto most = static_cast<std::size_t>(options.points_per_guard);
       if (most == 0 || points().size() + 4 * outliers_.size() <= most) {
         write_positions(s.map, 0, points().size());
         return take_out(s, 0, outliers_.size(), options, summary);
       }
-    }
-    const auto most = static_cast<std::size_t>(options.points_per_guard);
+    } while (looked_at_rows < beyond_.size());
     in_parts(s, points().size(), most, summary,
              [&](std::size_t begin, std::size_t end) { write_positions(s.map, begin, end); });
-    in_parts(s, outliers_.size(), (most + 3) / 4, summary, [&](std::size_t begin, std::size_t end) {
+    in_parts(s, outliers_.size(), most_rows, summary, [&](std::size_t begin, std::size_t end) {
       checks_.assign(points().size(), unchecked);
       take_out(s, begin, end, options, summary);
     });
@@ -212,13 +216,15 @@ class adjustment_commit {
       if (!fits || !(depth[i] > 0 || !measurements_.is_straight(i))) beyond_.push_back(i);
     }
   }
-  /// Those of them that the map still has. Throws inconsistent_map before anything is written.
-  void find_outliers(const Map& map, fault_sink faults) {
-    outliers_.clear();
+  /// Those of them that the map still has: of the next `most`. Throws inconsistent_map before anything is written. \return the
+  /// end of what was looked at
+  std::size_t find_outliers(const Map& map, std::size_t begin, std::size_t most, fault_sink faults) {
     checks_.assign(points().size(), unchecked);
-    for (const std::size_t i : beyond_)
-      if (unmoved(map, static_cast<std::size_t>(window_.at(i).landmark)) && is_held(map, i, faults))
-        outliers_.push_back(i);
+    const std::size_t end = beyond_.size() - begin < most ? beyond_.size() : begin + most;
+    for (std::size_t n = begin; n < end; ++n)
+      if (unmoved(map, static_cast<std::size_t>(window_.at(beyond_[n]).landmark)) && is_held(map, beyond_[n], faults))
+        outliers_.push_back(beyond_[n]);
+    return end;
   }
 
   const list_of<point>& points() const { return window_.points(); }

@@ -81,26 +81,33 @@ class adjustment_window {
   void resume(const mapping_scope<Map, Policy>& s) {
     if (frames_.read_poses(s.map)) read_positions(s.map, points_, positions_);
   }
-  /// All keyframes that are connected with one through shared points are free, but for the origin.
-  /// The rest as choose() and read(). O(observations of these keyframes).
+  /// All keyframes that are connected with one through shared points are free, but for the origin: read_connected() finds them.
+  /// \param anyone  alive and in the store
   template <class Policy>
-  void gather_connected(const mapping_scope<Map, Policy>& s, keyframe anyone) {
+  void choose_connected(const mapping_scope<Map, Policy>& s, keyframe anyone) {
     clear();
-    if (add_frame(s.map, s.stored, anyone, false, s.faults) == id_table::none) return;
-    for (std::size_t f = 0; f < frames_.size(); ++f)
-      if (traits::alive(s.map, frames_[f])) add_points_of(s.map, s.stored, f, false, s.faults);
-    hold_something(frames_.size());
+    if (add_frame(s.map, s.stored, anyone, false, s.faults) != id_table::none) local_ = 1;
   }
-  /// These keyframes are free, but for the origin. The rest as choose() and read(); dead ones are passed over. O(observations of their
-  /// points).
+  /// As read(), of the keyframes that are found on the way too. A keyframe whose points are all known costs time as well: looking
+  /// at so many of its keypoints counts as a slot.
   template <class Policy>
-  void gather_these(const mapping_scope<Map, Policy>& s, span<const keyframe> keyframes) {
+  bool read_connected(const mapping_scope<Map, Policy>& s, std::size_t most) {
+    const auto visit = [&](const point& p) {
+      add_point(s.map, s.stored, p, false, s.faults);
+      local_ = frames_.size();
+    };
+    constexpr std::size_t keypoints_per_slot = 16;  // each is a look into an array; a slot is a point and who sees it
+    if (read_slots(s.map, most, visit, keypoints_per_slot)) return true;
+    if (local_ > 0) hold_something(local_);
+    return false;
+  }
+  /// These keyframes are free, but for the origin. read() adds the rest; dead ones are passed over.
+  template <class Policy>
+  void choose_these(const mapping_scope<Map, Policy>& s, span<const keyframe> keyframes) {
     clear();
     for (const keyframe& k : keyframes)
       if (!(k == keyframe{}) && traits::alive(s.map, k)) add_frame(s.map, s.stored, k, false, s.faults);
-    const std::size_t named = frames_.size();
-    for (std::size_t f = 0; f < named; ++f) add_points_of(s.map, s.stored, f, true, s.faults);
-    if (named != 0) hold_something(named);
+    local_ = frames_.size();
   }
   /// Nothing is in the window; the memory stays.
   void clear() {
@@ -173,11 +180,16 @@ class adjustment_window {
     rows_keypoint_.push_back(static_cast<std::int32_t>(keypoint));
   }
   /// Calls visit(point) with points of the frames that move: the next `most` slots, less what was read. \return whether some are left
+  /// \param keypoints_per_slot  looking at so many keypoints of a frame counts as a slot; 0: it does not count
   template <class Visit>
-  bool read_slots(const Map& map, std::size_t& most, Visit visit) {
+  bool read_slots(const Map& map, std::size_t& most, Visit visit, std::size_t keypoints_per_slot = 0) {
     for (; next_frame_ < local_ && most > 0; ++next_frame_, next_slot_ = 0) {
       if (!traits::alive(map, frames_[next_frame_])) continue;  // erased between two calls
-      if (next_slot_ == 0) slots_ = list_points_of(map, next_frame_);
+      if (next_slot_ == 0) {
+        slots_ = list_points_of(map, next_frame_);
+        const std::size_t looks = keypoints_per_slot == 0 ? 0 : keypoint_counts_[next_frame_] / keypoints_per_slot;
+        most = looks < most ? most - looks : slots_ > 0 ? 1 : 0;  // a part reads something, or passes over a frame
+      }
       const std::size_t begin = next_slot_;
       next_slot_ = slots_ - begin < most ? slots_ : begin + most;
       visit_listed(map, next_frame_, begin, next_slot_, visit);
@@ -188,10 +200,6 @@ class adjustment_window {
   }
 
  private:
-  /// \param hold  keyframes that come in with them are fixed; else only the origin is
-  void add_points_of(const Map& map, const handle_table& stored, std::size_t f, bool hold, fault_sink faults) {
-    visit_listed(map, f, 0, list_points_of(map, f), [&](const point& p) { add_point(map, stored, p, hold, faults); });
-  }
   /// \return how many slots of frame f visit_listed() has to look at
   std::size_t list_points_of(const Map& map, std::size_t f) {
     const std::size_t keypoints = keypoint_count_of(map, frames_[f]);
@@ -221,6 +229,7 @@ class adjustment_window {
                                                           [&](std::size_t, const point& p) { visit(p); });
   }
   /// Adds a point and all of its observations, unless it is there.
+  /// \param hold  keyframes that come in with it are fixed; else only the origin is
   void add_point(const Map& map, const handle_table& stored, point p, bool hold, fault_sink faults) {
     std::size_t number;
     if (!place_point(map, p, faults, number)) return;

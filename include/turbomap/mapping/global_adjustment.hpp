@@ -65,25 +65,32 @@ class global_adjustment : private local_adjustment<Map, Policy, Methods> {
     return finish(s, options, summary);
   }
 
-  /// The window of the first form. Waits for no other stage; holds the guard for O(observations of the map).
+  /// The window of the first form, read in parts (points_read_per_guard of the scope). Waits for no other stage. What others add
+  /// to what has been read does not take part.
   void snapshot(const scope& s, keyframe anyone, const global_adjustment_options& options,
                 local_adjustment_summary& summary) {
     check(options);
-    const auto guard = s.guard();
-    this->begin(summary, anyone == keyframe{} || !traits::alive(s.map, anyone));
-    if (summary.stale) return;
-    s.stored.at(traits::id(s.map, anyone));  // throws when it is not there
-    this->window_.gather_connected(s, anyone);
+    s.in_parts(
+        [&] {
+          this->begin(summary, anyone == keyframe{} || !traits::alive(s.map, anyone));
+          if (summary.stale) return;
+          s.stored.at(traits::id(s.map, anyone));  // throws when it is not there
+          this->window_.choose_connected(s, anyone);
+        },
+        [&] { this->window_.resume(s); }, [&](std::size_t most) { return this->window_.read_connected(s, most); });
     this->count(summary);
   }
   /// That of the second. Keyframes that are dead, or not in the store, are passed over; none: stale.
   void snapshot(const scope& s, span<const keyframe> keyframes, const global_adjustment_options& options,
                 local_adjustment_summary& summary) {
     check(options);
-    const auto guard = s.guard();
-    this->begin(summary, false);
-    this->window_.gather_these(s, keyframes);
-    if (this->window_.frames().size() == 0) return this->begin(summary, true);
+    s.in_parts(
+        [&] {
+          this->begin(summary, false);
+          this->window_.choose_these(s, keyframes);
+          if (this->window_.frames().size() == 0) this->begin(summary, true);
+        },
+        [&] { this->window_.resume(s); }, [&](std::size_t most) { return this->window_.read(s, most); });
     this->count(summary);
   }
 

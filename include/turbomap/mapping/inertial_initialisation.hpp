@@ -45,7 +45,8 @@ class inertial_initialisation {
   ///         or `stale()`, but for the biases at which motions are integrated
   /// \throws std::invalid_argument  an option, T_bc, a pose or a motion that cannot be, or whose duration is not the time between
   ///         its keyframes (options.max_time_error): nothing is changed, but for the biases at which motions are integrated
-  /// Takes the map's guard to read, and again to write; O(keyframes), with a scale O(map).
+  /// Takes the map's guard to read, and again to write; O(keyframes), with a scale O(map), in one hold: docs/local_mapping.md
+  /// says how long, and why.
   const initialisation& operator()(Map& map, const keyframe& current, const initialisation_options& options = {}) {
     static_assert(require_inertial_traits<Map>());
     static_assert(detail::inertial_has_v<Map, detail::inertial_initialise_member>,
