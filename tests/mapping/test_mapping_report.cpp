@@ -9,8 +9,11 @@
 #include <turbomap/mapping/duration_statistics.hpp>
 #include <turbomap/mapping/mapping_report.hpp>
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <string>
+#include <vector>
 
 namespace {
 
@@ -74,6 +77,35 @@ TEST_CASE("how long a guard was held") {
   CHECK(held.longest_ms == 5);
   CHECK(held.over_1_ms == 2);
   CHECK(held.commit_ms == 5);
+}
+
+TEST_CASE("quantiles of guard times: never below the element, above it by an eighth at most, the longest exactly") {
+  turbomap::guard_times all, none;
+  CHECK(none.quantile(0.99) == 0);
+  std::vector<double> sorted;
+  for (int part = 0; part < 3; ++part) {
+    turbomap::guard_times one;
+    for (int i = part; i < 900; i += 3) {
+      const double ms = std::exp2(-8 + i * (15.0 / 900)) * (i % 7 == 0 ? 1.01 : 1);  // to 2^7 ms, beyond the last bin
+      one.add(ms), sorted.push_back(ms);
+    }
+    all += one;
+  }
+  std::sort(sorted.begin(), sorted.end());
+  CHECK(all.count == 900);
+  CHECK(all.longest_ms == sorted.back());
+  for (int n = 0; n <= 1000; ++n) {
+    const double q = n / 1000.0, element = sorted[static_cast<std::size_t>(q * 899)], found = all.quantile(q);
+    CAPTURE(q);
+    CHECK(found >= element);
+    if (element < 32) CHECK(found <= std::max(element, 1.0 / 128) * 1.125);
+    if (element >= 32) CHECK(found == all.longest_ms);
+  }
+  turbomap::guard_times edge;
+  for (const double ms : {0.0, 1.0 / 128, 1.0, 32.0, 1e300}) edge.add(ms);
+  CHECK(edge.quantile(0) == 1.0 / 128);
+  CHECK(edge.quantile(0.5) == 1.125);
+  CHECK(edge.quantile(1) == 1e300);
 }
 
 }  // namespace

@@ -55,22 +55,18 @@ inline std::vector<stage_samples> stages_of(const std::vector<replay_row>& rows,
   return stages;
 }
 
-/// Longest and mean time that the map's guard was held, by stage.
+/// Mean, 99th percentile and longest time that the map's guard was held, by stage.
 inline nlohmann::json guard_json(const std::vector<replay_row>& rows) {
   nlohmann::json json;
   for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) {
     const auto stage = static_cast<turbomap::mapping_stage>(s);
     turbomap::guard_times all;
-    for (const replay_row& row : rows) {
-      const auto& held = row.report.held[stage];
-      all.count += held.count, all.total_ms += held.total_ms, all.commit_ms += held.commit_ms;
-      all.longest_ms = std::max(all.longest_ms, held.longest_ms);
-      all.over_1_ms += held.over_1_ms;
-    }
+    for (const replay_row& row : rows) all += row.report.held[stage];
     if (all.count == 0) continue;
     nlohmann::json& held = json[turbomap::to_string(stage)];
     held = {{"times", all.count},
             {"ms_mean", all.total_ms / static_cast<double>(all.count)},
+            {"ms_p99", all.quantile(0.99)},
             {"ms_max", all.longest_ms},
             {"over_1_ms", all.over_1_ms}};
     using turbomap::
