@@ -61,7 +61,7 @@ endif()
 
 # These are about what an optimiser may do. All others, also those on recorded data, run for seconds at most, and compile in
 # half to two thirds of the time when they are optimised little.
-set(turbomap_optimised_tests "same_bits|same_map|strict|atomic|threads")
+set(turbomap_optimised_tests "same_bits|same_map|same_runs|strict|atomic|threads")
 
 # Without optimisation (the preset asan, and the build of clang++ in .ci/run) each of these runs for up to two minutes: longer
 # than its compilation with optimisation takes more.

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 # SPDX-License-Identifier: Apache-2.0
 
-# For scripts that compile a test in several ways (same_decisions.sh, same_bits.sh, same_architectures.sh): whether the digests that it prints
-# are the same. Source it; `work` is a folder of the script's own.
+# For scripts that compile a test in several ways (same_decisions.sh, same_bits.sh, same_architectures.sh), or run it in several (same_runs.sh):
+# whether the digests that it prints are the same. Source it; `work` is a folder of the script's own.
 
 compared=0
 
