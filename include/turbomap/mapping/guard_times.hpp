@@ -5,7 +5,6 @@
 /// \file
 /// For how long the guard of the user's map was held, as plain data.
 
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -51,8 +50,8 @@ struct guard_times {
   /// percentile. Too large by an eighth at most, from 2^-7 ms to 32 ms. 0 of no times.
   double quantile(double q) const {
     if (count == 0) return 0;
-    const double element = std::floor(q * static_cast<double>(count - 1));
-    double below = 0;
+    const auto element = static_cast<std::size_t>(q * static_cast<double>(count - 1));
+    std::size_t below = 0;
     for (int b = 0; b + 1 < bins; ++b) {
       below += times[b];
       if (below > element) return end_of(b) < longest_ms ? end_of(b) : longest_ms;
@@ -66,13 +65,14 @@ struct guard_times {
   static int bin_of(double ms) {
     if (!(ms >= shortest_ms)) return 0;
     if (ms >= end_of(bins - 2)) return bins - 1;
-    int exponent;
-    const double mantissa = std::frexp(ms / shortest_ms, &exponent);  // [0.5, 1)
-    return 1 + (exponent - 1) * per_octave + static_cast<int>((2 * mantissa - 1) * per_octave);
+    int b = 1;
+    double begin = shortest_ms;  // of the octave
+    for (; ms >= 2 * begin; begin *= 2) b += per_octave;
+    return b + static_cast<int>((ms / begin - 1) * per_octave);
   }
   /// No time of a bin is as long.
   static double end_of(int bin) {
-    return std::ldexp(1 + static_cast<double>(bin % per_octave) / per_octave, bin / per_octave) * shortest_ms;
+    return shortest_ms * (1 << bin / per_octave) * (1 + static_cast<double>(bin % per_octave) / per_octave);
   }
 };
 
