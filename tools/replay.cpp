@@ -163,6 +163,9 @@ int main(int argc, char** argv) {
       ->check(CLI::NonNegativeNumber);
   app.add_option("--fewest-keyframes", a.fewest_keyframes, "keyframes that must see a new point of a track (1)")
       ->check(CLI::PositiveNumber);
+  app.add_option("--lookalike-ratio", a.lookalike_ratio,
+                 "of descriptor distances, for points that only two cameras of one keyframe see (0.8); 0: nobody asks")
+      ->check(CLI::Range(0.0, 1.0));
   app.add_flag("--across-rig,!--no-across-rig", a.across_rig,
                "match the cameras of a keyframe with each other too, or not, for --creation tracks (replay mode)");
   app.add_option("--candidates", a.candidates, "what the search compares with (replay mode)")

@@ -26,12 +26,15 @@ using map_type = turbomap::simple_map<orb, camera>;
 constexpr int known = 30, fresh = 20, bytes = 32;
 
 /// Two keyframes see known points with their first camera; the newer one sees fresh landmarks with both. How many points are made?
-std::size_t points_made(bool across_rig, turbomap::creation_rule rule) {
+/// \param ratio   creation_options::lookalike_ratio
+/// \param copies  the second camera sees each fresh landmark's copy beside it
+std::size_t points_made(bool across_rig, turbomap::creation_rule rule, double ratio = 0.8, bool copies = false) {
   auto options = turbomap::local_mapper_options::monocular();
   for (const auto stage : {turbomap::mapping_stage::point_culling, turbomap::mapping_stage::fusion,
                            turbomap::mapping_stage::adjustment, turbomap::mapping_stage::keyframe_culling})
     options.enabled[stage] = false;
   options.neighbours.across_rig = across_rig, options.creation.rule = rule;
+  options.creation.lookalike_ratio = ratio;
   turbomap::context ctx;
   map_type map;
   turbomap::keyframe_store<orb, camera> store;
@@ -47,10 +50,10 @@ std::size_t points_made(bool across_rig, turbomap::creation_rule rule) {
   for (const double x : {0.0, 0.4}) {
     std::vector<turbomap::keypoint> keypoints;
     std::vector<std::uint8_t> descriptors;
-    const auto see = [&](int landmark, int in) {
+    const auto see = [&](int landmark, int in, double aside = 0) {
       const double X = 0.4 * (landmark % 10 - 4.5), Y = 0.4 * (landmark / 10 - 2);  // 4 m away
       turbomap::keypoint k;
-      k.x = static_cast<float>(320 + 100 * (X - x - 0.3 * in)), k.y = static_cast<float>(240 + 100 * Y);
+      k.x = static_cast<float>(320 + 100 * (X + aside - x - 0.3 * in)), k.y = static_cast<float>(240 + 100 * Y);
       k.camera = static_cast<std::uint8_t>(in);
       keypoints.push_back(k);
       const auto look = looks.begin() + landmark * bytes;
@@ -60,6 +63,8 @@ std::size_t points_made(bool across_rig, turbomap::creation_rule rule) {
     if (x > 0)
       for (const int in : {0, 1})
         for (int l = known; l < known + fresh; ++l) see(l, in);
+    if (x > 0 && copies)
+      for (int l = known; l < known + fresh; ++l) see(l, 1, 0.15);
     turbomap::rigid_transform<double> T_cw;
     T_cw.tx = -x;
     const auto id = map.add_keyframe(keypoints, T_cw, x, before);
@@ -83,4 +88,10 @@ TEST_CASE("what only the cameras of one keyframe see") {
   CHECK(points_made(true, creation_rule::tracks) == fresh);
   CHECK(points_made(false, creation_rule::tracks) == 0);
   CHECK(points_made(true, creation_rule::pairs) == 0);
+}
+
+TEST_CASE("what only the cameras of one keyframe see, where its copy is beside it") {
+  using turbomap::creation_rule;
+  CHECK(points_made(true, creation_rule::tracks, 0, true) == fresh);
+  CHECK(points_made(true, creation_rule::tracks, 0.8, true) == 0);
 }

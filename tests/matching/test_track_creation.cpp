@@ -88,7 +88,7 @@ TEST_CASE_TEMPLATE("a point is seen by so many keyframes as were asked for", Pol
   long accepted[4] = {}, refused[4] = {};
   for (const int fewest : {1, 2, 3}) {
     creation_options o;
-    o.fewest_keyframes = fewest;
+    o.fewest_keyframes = fewest, o.lookalike_ratio = 0;
     const auto t = check_rig<Policy>(fisheye_rig(), 71, o, 30);  // against the oracle
     accepted[fewest] = t.accepted;
     refused[fewest] = t.outcomes[static_cast<std::size_t>(creation_outcome::too_few_keyframes)];
@@ -97,6 +97,26 @@ TEST_CASE_TEMPLATE("a point is seen by so many keyframes as were asked for", Pol
   CHECK(refused[2] > 5);
   CHECK(refused[3] > refused[2]);
   CHECK((accepted[1] > accepted[2] && accepted[2] > accepted[3]));
+}
+
+TEST_CASE_TEMPLATE("two keypoints of a rig are no point where another resembles one as much", Policy,
+                   TURBOMAP_TEST_POLICIES) {
+  auto pinholes = pinhole_rig();
+  pinholes.cameras.push_back({pinholes.cameras[0].camera, beside(), 0, {}});
+  const auto refused = [](const track_point_tally& t) {
+    return t.outcomes[static_cast<std::size_t>(creation_outcome::lookalike)];
+  };
+  for (const bool straight : {false, true}) {
+    CAPTURE(straight);
+    const auto of = [&](double ratio) {  // against the oracle
+      return refused(straight ? check_lookalikes(Policy{}, pinholes, ratio)
+                              : check_lookalikes(Policy{}, fisheye_rig(), ratio));
+    };
+    const long never = of(0), more_alike = of(1), clearly = of(0.8);
+    CHECK(never == 0);
+    CHECK(more_alike > 50);
+    CHECK(clearly > more_alike);
+  }
 }
 
 TEST_CASE("a track of two views is decided as a pair") {
@@ -240,6 +260,8 @@ TEST_CASE("bad options and tracks of another search are refused, and the last po
   refused("known_views", [](creation_options& o, double) { o.known_views = -1; });
   refused("known_octaves", [](creation_options& o, double) { o.known_octaves = -1; });
   refused("fewest_keyframes", [](creation_options& o, double) { o.fewest_keyframes = 0; });
+  refused("lookalike_ratio", [](creation_options& o, double v) { o.lookalike_ratio = v; });
+  refused("lookalike_ratio", [](creation_options& o, double v) { o.lookalike_ratio = 1 - v; });  // 2, NaN
   refused("refinement_steps", [](creation_options& o, double) { o.refinement_steps = -1; });
   refused("stereo_correlation", [](creation_options& o, double v) { o.stereo_correlation = v; });
   const std::vector<std::int32_t> offsets(2);

@@ -36,6 +36,12 @@ TEST_CASE("points of tracks of pinhole and stereo keyframes") {
 }
 TEST_CASE("points of tracks of fisheye rigs") { check_rig(fisheye_rig(3), 21, 20); }
 
+TEST_CASE("points of a rig whose keypoints look alike") {
+  const stream on;
+  const auto t = check_lookalikes(on.policy(), fisheye_rig(), 0.8);
+  CHECK(t.outcomes[static_cast<std::size_t>(turbomap::creation_outcome::lookalike)] > 50);
+}
+
 TEST_CASE("nothing found, nothing created") {
   const stream on;
   scene_recipe recipe;

@@ -40,7 +40,7 @@ points_of_tracks create_tracks_under(const Policy& policy, const scene<orb, Came
 struct track_point_tally {
   long tracks = 0, doubtful = 0, differences = 0, accepted = 0, of_many = 0, lost_views = 0;
   double worst_position = 0, worst_covariance = 0;  ///< relative
-  std::vector<long> outcomes = std::vector<long>(13), methods = std::vector<long>(4);
+  std::vector<long> outcomes = std::vector<long>(14), methods = std::vector<long>(4);
 };
 inline void check_track_points(const track_point_tally& t, long least) {
   CAPTURE(t.tracks);
@@ -67,7 +67,7 @@ void check_track_creation(const Policy& policy, scene<orb, Camera>& s, turbomap:
           CHECK(got.kept[static_cast<std::size_t>(i)] == expected.kept[static_cast<std::size_t>(i)]);
   }
   const auto neighbours = s.neighbours();
-  const auto expected = track_creation_oracle<orb, Camera>(s.query(), neighbours, got.tracks, creation);
+  const auto expected = track_creation_oracle<orb, Camera>(s.query(), neighbours, got.tracks, creation, options);
   REQUIRE(expected.size() == got.points.size());
   for (std::size_t k = 0; k < expected.size(); ++k) {
     const auto& e = expected[k];
@@ -99,6 +99,27 @@ void check_track_creation(const Policy& policy, scene<orb, Camera>& s, turbomap:
     }
     t.differences += equal ? 0 : 1;
   }
+}
+
+/// Points of a rig whose keypoints look alike, so that its two cameras match a lot: by the gates of a search, by wide ones, and where
+/// many rays count as parallel.
+template <class Policy, class Camera>
+track_point_tally check_lookalikes(const Policy& policy, const test_rig<Camera>& rig, double ratio) {
+  track_point_tally t;
+  turbomap::creation_options creation;
+  creation.lookalike_ratio = ratio;
+  auto parallel = wide_gates();
+  parallel.max_parallax_cosine = 0.99;
+  for (unsigned seed = 81; seed < 84; ++seed) {
+    scene_recipe recipe;
+    recipe.seed = seed, recipe.neighbours = 1, recipe.mapped = 0.1, recipe.prototypes = 60;
+    recipe.query_keypoints = 1000, recipe.neighbour_keypoints = 50;
+    scene<orb, Camera> s(rig, recipe);
+    for (const auto& gates : {turbomap::search_options{}, wide_gates(), parallel})
+      check_track_creation(policy, s, gates, creation, t);
+  }
+  check_track_points(t, 200);
+  return t;
 }
 
 }  // namespace turbomap_test

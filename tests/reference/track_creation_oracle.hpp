@@ -12,9 +12,11 @@
 #include <cstdlib>
 #include <map>
 #include <set>
+#include <utility>
 #include <vector>
 
 #include "creation_oracle.hpp"
+#include "search_oracle.hpp"
 
 namespace turbomap_test {
 
@@ -226,12 +228,41 @@ bool known_oracle(const std::vector<turbomap::posed_keyframe<Descriptor, Camera>
   return false;
 }
 
+/// Whether two keypoints of a keyframe, of different cameras, are hardly more alike than one of them and another of the other camera
+/// that is neither beside its match nor off the curve, or that lies in the direction of a landmark far away.
+template <class Descriptor, class Camera>
+bool lookalike_oracle(const turbomap::posed_keyframe<Descriptor, Camera>& keyframe, int a, int b,
+                      const turbomap::creation_options& options, const turbomap::search_options& search,
+                      close_calls& calls) {
+  const auto& view = keyframe.view;
+  if (view.is_stereo(a) || view.is_stereo(b)) return false;
+  const auto alike = [&](int i, int j) {
+    return static_cast<double>(Descriptor::distance(view.descriptor_of(i), view.descriptor_of(j)));
+  };
+  bool found = false;
+  for (const auto& [i, match] : {std::pair{a, b}, std::pair{b, a}}) {
+    const auto pair = make_oracle_pair(keyframe, view.camera_of(i), keyframe, view.camera_of(match));
+    for (int j = 0; j < view.keypoint_count; ++j) {
+      if (j == match || view.camera_of(j) != view.camera_of(match)) continue;
+      if (alike(i, match) < options.lookalike_ratio * alike(i, j)) continue;
+      const double sigma2 = static_cast<double>(oracle_sigma2(options.scales, view.octave[j]) +
+                                                oracle_sigma2(options.scales, view.octave[match]));
+      if (calls.at_most((pixel_of(view, j) - pixel_of(view, match)).squaredNorm(), options.known_chi2 * sigma2))
+        continue;
+      const bool far = !pair.straight && calls.less(search.max_parallax_cosine,
+                                                    (pair.T_ba.R * bearing_of(view, i)).dot(bearing_of(view, j)), 1);
+      found = far || oracle_consistent(pair, view, i, view, j, search, calls) || found;
+    }
+  }
+  return found;
+}
+
 /// What becomes of each track. The views are in host memory.
 template <class Descriptor, class Camera>
 std::vector<oracle_track_point> track_creation_oracle(
     const turbomap::posed_keyframe<Descriptor, Camera>& query,
     turbomap::span<const turbomap::posed_keyframe<Descriptor, Camera>> neighbours, const turbomap::track_list& tracks,
-    const turbomap::creation_options& options) {
+    const turbomap::creation_options& options, const turbomap::search_options& search) {
   std::vector<oracle_track_point> points;
   for (std::size_t t = 0; t < tracks.size(); ++t) {
     std::vector<oracle_sight<Camera>> views;
@@ -243,7 +274,20 @@ std::vector<oracle_track_point> track_creation_oracle(
       views.push_back(oracle_look(keyframe, v.keypoint, options.scales));
       in.push_back(v.keyframe);
     }
-    points.push_back(track_oracle<Camera>(std::move(views), std::move(in), options)());
+    auto p = track_oracle<Camera>(std::move(views), in, options)();
+    std::vector<turbomap::track_view> left;
+    for (std::size_t i = 0; i < p.kept.size(); ++i)
+      if (p.kept[i] != 0) left.push_back(tracks.views[static_cast<std::size_t>(tracks.offsets[t]) + i]);
+    if (p.outcome == turbomap::creation_outcome::accepted && left.size() == 2 && left[0].keyframe == left[1].keyframe &&
+        options.lookalike_ratio > 0) {
+      const auto k = static_cast<std::size_t>(left[0].keyframe);
+      close_calls calls;
+      if (lookalike_oracle(k == 0 ? query : neighbours[k - 1], left[0].keypoint, left[1].keypoint, options, search,
+                           calls))
+        p.outcome = turbomap::creation_outcome::lookalike;
+      p.doubtful = p.doubtful || calls.any;
+    }
+    points.push_back(std::move(p));
   }
   return points;
 }

@@ -61,6 +61,7 @@ struct arguments {
   bool accurate = false;               ///< local_mapper_options::accurate()
   int fewest_keyframes = 0;            ///< creation_options::fewest_keyframes; 0: its default
   int known_octaves = -1;              ///< creation_options::known_octaves; negative: its default
+  double lookalike_ratio = 0.8;        ///< creation_options::lookalike_ratio
   bool across_rig = true;              ///< neighbour_search_options::across_rig
   int second_shared = 0;               ///< local_adjustment_options::second_min_shared_points
   int global_every = 0;                ///< all of the map is adjusted after so many keyframes; 0: never

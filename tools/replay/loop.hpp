@@ -90,6 +90,7 @@ inline turbomap::local_mapper_options mapper_options(const turbomap::recording& 
   o.creation.stereo_correlation = a.correlation(recording);
   o.neighbours.across_rig = a.across_rig;
   if (a.known_octaves >= 0) o.creation.known_octaves = a.known_octaves;
+  o.creation.lookalike_ratio = a.lookalike_ratio;
   if (a.fewest_keyframes > 0) o.creation.fewest_keyframes = a.fewest_keyframes;
   o.fusion.mode = a.serial_fusion ? turbomap::fusion_mode::serial_exact : turbomap::fusion_mode::snapshot;
   o.fusion.commit.merges = a.merges == "drop"     ? turbomap::merge_rule::drop

@@ -15,6 +15,7 @@
 #include "create_point.hpp"
 #include "fit_track.hpp"
 #include "known_landmark.hpp"
+#include "lookalike.hpp"
 #include "place_views.hpp"
 #include "track_views.hpp"
 
@@ -44,6 +45,8 @@ struct create_track {
       p.outcome = workers.any(known) ? creation_outcome::known : create(views, workers, p);
       if (p.outcome == creation_outcome::accepted && !views.enough_keyframes())
         p.outcome = creation_outcome::too_few_keyframes;
+      if (p.outcome == creation_outcome::accepted && p.views == 2 && is_lookalike(views, workers))
+        p.outcome = creation_outcome::lookalike;
     }
     if (workers.number() == 0) tracks.points[t] = p;
   }
@@ -51,6 +54,13 @@ struct create_track {
  private:
   using views_type = detail::track_views<Descriptor, Camera>;
 
+  /// Of the two views that are left: all workers say the same.
+  TURBOMAP_HD bool is_lookalike(const views_type& views, const Workers& workers) const {
+    const int a = views.first(), b = views.next(a + 1);
+    const track_view &v = tracks.views[a], &w = tracks.views[b];
+    if (v.keyframe != w.keyframe || !(tracks.options.lookalike_ratio > 0)) return false;
+    return workers.any(lookalike<Descriptor, Camera>{tracks}(v, w, workers.number(), Workers::count));
+  }
   /// One place refines, and there one compares: that is most of a kernel's code.
   TURBOMAP_HD creation_outcome create(const views_type& views, const Workers& workers, created_track& p) const {
     for (;; --p.views) {

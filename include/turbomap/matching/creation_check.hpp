@@ -35,6 +35,8 @@ inline void check_creation_options(const creation_options& options, float search
   check_not_negative("options.known_chi2", options.known_chi2);
   require(options.known_octaves >= 0, "options.known_octaves", options.known_octaves, "must not be negative");
   require(options.fewest_keyframes >= 1, "options.fewest_keyframes", options.fewest_keyframes, "must be at least 1");
+  require(options.lookalike_ratio >= 0 && options.lookalike_ratio <= 1, "options.lookalike_ratio",
+          options.lookalike_ratio, "must be in [0, 1]");
   require(options.scales.levels >= 1 && options.scales.levels <= scale_table_size, "options.scales.levels",
           options.scales.levels, "must be in [1, 256]: octaves are bytes");
   require(options.stereo_correlation >= 0 && options.stereo_correlation < 1, "options.stereo_correlation",

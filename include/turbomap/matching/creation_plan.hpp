@@ -27,7 +27,8 @@ enum class creation_outcome : std::uint16_t {  // 16 bits: results have no bytes
   too_far = 9,                 ///< farther than options.max_distance
   scale = 10,                  ///< the ratio of distances contradicts the ratio of octaves
   known = 11,                  ///< tracks: the map has a point of this landmark already
-  too_few_keyframes = 12       ///< tracks: options.fewest_keyframes
+  too_few_keyframes = 12,      ///< tracks: options.fewest_keyframes
+  lookalike = 13               ///< tracks: options.lookalike_ratio
 };
 
 /// Where the position of a point came from.
@@ -67,6 +68,10 @@ struct creation_options {
   /// trajectories. 2 where things look alike side by side: half of what only one rig matches is wrong there. Measured:
   /// docs/matching.md.
   int fewest_keyframes = 1;
+  /// Tracks: where two cameras of one keyframe are all that is left, their descriptors must be nearer than so many times those of
+  /// either keypoint and any other that the other camera may see its landmark at; 0: nobody asks. 0.8: as ratio_test. What looks
+  /// alike side by side has no third view that contradicts. Measured: docs/matching.md.
+  double lookalike_ratio = 0.8;
   double stereo_correlation = 0;  ///< tracks: of the errors of u and u_right, in [0, 1); weighs rows of u_right
 };
 

@@ -103,7 +103,7 @@ class track_creation {
 /// view must then lie in front of its camera, reproject within its gate, and agree in scale with the first view that is
 /// left (the query's where it is); while one does not, the view with the largest error over its gate leaves and the
 /// estimate is repeated. Two views are decided as create_points() decides a match, then refined. What is left must be of
-/// options.fewest_keyframes keyframes.
+/// options.fewest_keyframes keyframes, and two views of one keyframe must pass options.lookalike_ratio.
 /// \param matches  the search that was joined; its keyframes must still be there
 /// \param tracks   of these matches
 /// \param known    where map points are seen in these keyframes: a landmark that has one is left out (outcome `known`)
