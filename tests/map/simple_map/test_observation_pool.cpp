@@ -31,6 +31,7 @@ TEST_CASE("a list keeps the order of its observations") {
   pool.open(1);
   CHECK(pool.of(0).empty());
   CHECK(pool.of(1).empty());
+  pool.prefetch(1);  // no list has memory yet
   for (std::int32_t i = 0; i < 9; ++i) pool.add(1, {i, 10 * i});
   pool.open(0), pool.open(1);  // they are there already
   CHECK(pool.of(1).size() == 9);

@@ -38,6 +38,7 @@ class observation_pool {
   void prefetch_place(std::size_t list) const { prefetch_line(&lists_[list]); }
   /// Asks memory for the first two dozen observations of a list.
   void prefetch(std::size_t list) const {
+    if (elements_.empty()) return;
     const auto* const first = reinterpret_cast<const char*>(elements_.data() + lists_[list].begin);
     prefetch_line(first), prefetch_line(first + 64), prefetch_line(first + 128);
   }
