@@ -48,8 +48,8 @@ struct keyframe_map {
   std::vector<map_landmark> landmarks;
 };
 
-/// Throws bad_file naming the file and what is wrong: cut short, too long, another format, an index past its array,
-/// numbers that are not finite.
+/// Throws bad_file naming the file and what is wrong: cut short, too long, another format, sizes that no image or descriptor
+/// has, an index past its array, numbers that are not finite, a rotation that is none.
 inline keyframe_map read_keyframe_map(const std::filesystem::path& file) {
   std::ifstream stream(file, std::ios::binary);
   if (!stream) throw bad_file("turbomap: " + file.string() + ": cannot be opened");
@@ -70,6 +70,15 @@ inline keyframe_map read_keyframe_map(const std::filesystem::path& file) {
   take(intrinsics, 9, "intrinsics");
   if (std::memcmp(magic, "KFM1", 4) != 0 || header[0] != 1) fail("magic: not a version 1 .kfm file");
   if (header[6] != 0) fail("header: camera model " + std::to_string(header[6]) + ", not Brown-Conrady");
+  constexpr std::uint32_t most = 65535;
+  if (header[3] > most) fail("header: descriptors of " + std::to_string(header[3]) + " bytes");
+  for (const std::uint32_t size : {header[4], header[5]})
+    if (size < 1 || size > most) fail("header: an image of " + std::to_string(size) + " pixels a side");
+  const auto finite = [&](const auto* values, std::size_t count, const std::string& array) {
+    for (std::size_t i = 0; i < count; ++i)
+      if (!std::isfinite(values[i])) fail(array + ": not finite");
+  };
+  finite(intrinsics, 9, "intrinsics");
 
   keyframe_map map;
   map.descriptor_bytes = static_cast<int>(header[3]);
@@ -84,25 +93,30 @@ inline keyframe_map read_keyframe_map(const std::filesystem::path& file) {
     take(&keyframe.submap, 1, "submap");
     take(&count, 1, "keypoint count");
     take(p, 7, "pose");
-    if (count > bytes.size() - at) fail("uv: the file is cut short");
+    if (count > (bytes.size() - at) / (12 + header[3])) fail("uv: the file is cut short");
     keyframe.pixels.resize(count);
     keyframe.landmarks.resize(count);
     keyframe.descriptors.resize(std::size_t{count} * header[3]);
     take(keyframe.pixels.data(), count, "uv");
     take(keyframe.landmarks.data(), count, "landmark");
     take(keyframe.descriptors.data(), keyframe.descriptors.size(), "descriptor");
-    for (const double v : p)
-      if (!std::isfinite(v)) fail("pose of keyframe " + std::to_string(k) + ": not finite");
+    const std::string named = " of keyframe " + std::to_string(k);
+    finite(p, 7, "pose" + named);
+    if (!(std::abs(p[0] * p[0] + p[1] * p[1] + p[2] * p[2] + p[3] * p[3] - 1) < 1e-6))
+      fail("pose" + named + ": no rotation");
+    for (const vec2<float>& uv : keyframe.pixels) finite(&uv.x, 1, "uv" + named), finite(&uv.y, 1, "uv" + named);
     for (const std::int32_t l : keyframe.landmarks)
       if (l < -1 || l >= static_cast<std::int64_t>(header[2])) fail("landmark: index " + std::to_string(l));
     const vec3<double> centre{p[4], p[5], p[6]};
     keyframe.T_cw = {-p[0], -p[1], -p[2], p[3], 0, 0, 0};
     const vec3<double> t = rotation(keyframe.T_cw) * centre;
     keyframe.T_cw.tx = -t.x, keyframe.T_cw.ty = -t.y, keyframe.T_cw.tz = -t.z;
+    finite(&t.x, 3, "pose" + named);  // the products may be too large
   }
   for (std::uint32_t l = 0; l < header[2]; ++l) {
     map_landmark& landmark = map.landmarks.emplace_back();
     take(&landmark.position.x, 3, "xyz");
+    finite(&landmark.position.x, 3, "xyz of landmark " + std::to_string(l));
     take(&landmark.quality, 1, "quality");
     take(&landmark.submap, 1, "landmark submap");
   }

@@ -131,6 +131,9 @@ inline calibrated_camera calibrated(const std::filesystem::path& file, const std
   c.distortion = block.numbers["distortion_coeffs"];
   if (c.distortion.size() != 4 && c.distortion.size() != 5)
     throw bad_file("turbomap: " + file.string() + ": " + name + ": radtan needs 4 or 5 coefficients of distortion");
+  for (const double k : c.distortion)
+    if (!std::isfinite(k))
+      throw bad_file("turbomap: " + file.string() + ": " + name + ": a coefficient of distortion is not finite");
   return c;
 }
 
@@ -250,9 +253,12 @@ inline bool pose_at(const std::vector<stamped_pose>& poses, std::int64_t t_ns, d
                                       [](const stamped_pose& p, std::int64_t t) { return p.t_ns < t; });
   if (after == poses.end()) return false;
   const auto before = after->t_ns == t_ns ? after : after - (after == poses.begin() ? 0 : 1);
-  if (before->t_ns > t_ns || static_cast<double>(after->t_ns - before->t_ns) * 1e-9 > gap_seconds) return false;
-  const double share =
-      after == before ? 0 : static_cast<double>(t_ns - before->t_ns) / static_cast<double>(after->t_ns - before->t_ns);
+  if (before->t_ns > t_ns) return false;
+  const auto since_before = [&](std::int64_t t) {  // of two that an int64 holds: their difference need not fit in one
+    return static_cast<double>(static_cast<std::uint64_t>(t) - static_cast<std::uint64_t>(before->t_ns));
+  };
+  if (since_before(after->t_ns) * 1e-9 > gap_seconds) return false;
+  const double share = after == before ? 0 : since_before(t_ns) / since_before(after->t_ns);
   const auto rotation = [](const stamped_pose& p) {
     return Eigen::Quaterniond(p.T_wb.qw, p.T_wb.qx, p.T_wb.qy, p.T_wb.qz);
   };

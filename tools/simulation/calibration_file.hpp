@@ -8,10 +8,13 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include <turbomap/error.hpp>
@@ -27,13 +30,15 @@ struct calibration_block {
   std::map<std::string, std::string> text;
 };
 
+/// The numbers of a line; one that a double cannot hold is not finite, so that it is refused where it is used.
 inline std::vector<double> numbers_in(const std::string& line) {
   std::vector<double> found;
   for (const char *at = line.data(), *end = at + line.size(); at != end;) {
     double value;
     const auto [rest, error] = std::from_chars(at, end, value);
-    if (error == std::errc()) found.push_back(value);
-    at = error == std::errc() ? rest : at + 1;
+    if (error == std::errc::result_out_of_range) value = std::numeric_limits<double>::infinity();
+    if (error != std::errc::invalid_argument) found.push_back(value);
+    at = error != std::errc::invalid_argument ? rest : at + 1;
   }
   return found;
 }
@@ -65,6 +70,14 @@ inline std::map<std::string, calibration_block> read_calibration_blocks(const st
   return blocks;
 }
 
+/// Whether a row-major matrix is a rotation, as far as the digits of a file go, and a translation of less than 1000 km.
+inline bool is_rigid(const std::array<double, 16>& row_major) {
+  const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> T(row_major.data());
+  const Eigen::Matrix3d R = T.topLeftCorner<3, 3>();
+  return (R.transpose() * R - Eigen::Matrix3d::Identity()).norm() < 1e-2 && R.determinant() > 0 &&
+         T.topRightCorner<3, 1>().norm() < 1e6 && T.row(3) == Eigen::RowVector4d(0, 0, 0, 1);
+}
+
 inline simulated_camera camera_of(const std::filesystem::path& file, const std::string& name,
                                   calibration_block& block) {
   const auto fail = [&](const std::string& reason) {
@@ -73,11 +86,14 @@ inline simulated_camera camera_of(const std::filesystem::path& file, const std::
   const auto take = [&](const char* key, std::size_t count) {
     const auto& values = block.numbers[key];
     if (values.size() != count) fail(std::string(key) + " needs " + std::to_string(count) + " numbers");
+    for (const double value : values)
+      if (!std::isfinite(value)) fail(std::string(key) + " has a number that is not finite");
     return values;
   };
   simulated_camera camera;
   const auto k = take("intrinsics", 4), size = take("resolution", 2);
   if (!(k[0] > 0 && k[1] > 0 && size[0] > 38 && size[1] > 38)) fail("intrinsics and resolution must be positive");
+  if (!(size[0] < 65536 && size[1] < 65536)) fail("resolution must be less than 65536");
   camera.width = static_cast<int>(size[0]), camera.height = static_cast<int>(size[1]);
   const std::string model = block.text["distortion_model"];
   if (model == "equidistant") {
@@ -89,9 +105,11 @@ inline simulated_camera camera_of(const std::filesystem::path& file, const std::
     fail("distortion_model '" + model + "' is not equidistant, radtan or none");
   }
   const bool inverse = block.numbers.count("T_cam_imu") != 0;
-  const auto values = take(inverse ? "T_cam_imu" : "T_imu_cam", 16);
+  const char* const mounting = inverse ? "T_cam_imu" : "T_imu_cam";
+  const auto values = take(mounting, 16);
   std::array<double, 16> matrix;
   std::copy(values.begin(), values.end(), matrix.begin());
+  if (!is_rigid(matrix)) fail(std::string(mounting) + " is not a rotation and a translation");
   camera.T_bc = inverse ? rigid(matrix).inverse() : rigid(matrix);
   return camera;
 }

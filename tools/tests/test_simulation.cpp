@@ -564,6 +564,23 @@ TEST_CASE("a calibration file gives a rig, or is refused by name") {
   CHECK(turbomap_test::has(error("cam0:\n" + T), "cam0: intrinsics needs 4 numbers"));
   CHECK(turbomap_test::has(error("cam0:\n" + rest), "cam0: T_imu_cam needs 16"));
   CHECK(turbomap_test::has(error("cam0:\n" + T + rest + "  distortion_model: spline\n"), "'spline'"));
+  const auto replaced = [](std::string text, const std::string& from, const std::string& to) {
+    return text.replace(text.find(from), from.size(), to);
+  };
+  const auto camera = [&](const std::string& from, const std::string& to) {
+    return error(replaced("cam0:\n" + T + lens + rest, from, to));
+  };
+  for (const char* number : {"inf", "nan", "-inf", "1e400"}) {
+    CAPTURE(number);
+    CHECK(turbomap_test::has(camera("255", number), "cam0: intrinsics has a number that is not finite"));
+    CHECK(turbomap_test::has(camera("1e-3", number), "cam0: distortion_coeffs has a number that is not finite"));
+  }
+  CHECK(turbomap_test::has(camera("[512, 512]", "[512, 1e12]"), "cam0: resolution must be less than 65536"));
+  for (const char* row : {"[0, 2, 0, 0]", "[0, -1, 0, 0]", "[0, 0, 0, 0]", "[0, 1, 0, 1e300]"}) {
+    CAPTURE(row);
+    CHECK(turbomap_test::has(camera("[0, 1.0, 0, 0]", row), "cam0: T_cam_imu is not a rotation and a translation"));
+  }
+  CHECK(turbomap_test::has(camera("[0.0, 0.0, 0.0, 1.0]", "[0, 0, 1, 1]"), "T_cam_imu is not a rotation"));
   const std::string no_rate = "imu0:\n  update_rate: 0\n", two = "imu0:\n  gyroscope_random_walk: [1e-5, 2e-5]\n";
   CHECK(
       turbomap_test::has(error("cam0:\n" + T + rest + no_rate), "imu0: update_rate needs one number from 1 to 10000"));
