@@ -26,10 +26,24 @@ class landmark_triangle {
   /// Row i. Its first three columns are those of the landmark.
   double* row(int i) { return values_.data() + at(i) * at(columns_); }
 
-  /// Householder reflections with exchange of columns. \return the rank of the first three columns: rows from there on are 0 in them
+  /// Householder reflections with exchange of columns. \return the rank of the first three columns: rows from there on are 0 in
+  /// them, and what rounding left of the other columns is 0, too
   int triangulate() {
+    length_.assign(at(columns_), 0);
+    for (int i = 0; i < rows_; ++i)
+      for (int c = 3; c < columns_; ++c) length_[at(c)] += entry(i, c) * entry(i, c);
+    const int rank = triangulate_landmark();
+    for (int i = rank; i < rows_; ++i)
+      for (int c = 3; c < columns_; ++c)
+        if (std::abs(entry(i, c)) <= rounding * std::sqrt(length_[at(c)])) entry(i, c) = 0;
+    return rank;
+  }
+
+ private:
+  static constexpr double rounding = 1e-14;  ///< of the largest column, or of its own: what is left of a dependent one
+
+  int triangulate_landmark() {
     const int m = rows_;
-    constexpr double rounding = 1e-14;  // of the largest column: what is left of a dependent one
     double largest = 0;
     for (int k = 0; k < 3 && k < m; ++k) {
       int best = k;
@@ -57,13 +71,11 @@ class landmark_triangle {
     }
     return m < 3 ? m : 3;
   }
-
- private:
   static std::size_t at(int i) { return static_cast<std::size_t>(i); }
   double& entry(int i, int c) { return values_[at(i) * at(columns_) + at(c)]; }
 
   int rows_ = 0, columns_ = 0;
-  plain_vector<double> values_, reflection_;
+  plain_vector<double> values_, reflection_, length_;
 };
 
 TURBOMAP_END_NAMESPACE
