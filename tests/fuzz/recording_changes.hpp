@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// The files of a recording, and a few changes to them that a fuzzer's bytes describe. Most changes hit numbers rather than
-/// headers, so that many recordings get past the first check.
+/// The files of a recording or of another folder, and a few changes to them that a fuzzer's bytes describe. Most changes hit
+/// numbers rather than headers, so that many recordings get past the first check.
 
 #include <algorithm>
 #include <cstdint>
@@ -19,24 +19,17 @@
 
 namespace turbomap_fuzz {
 
-/// A good recording on disk, and what its files hold.
-class recording_files {
+/// A folder on disk, and what its files hold.
+class folder_files {
  public:
   struct file {
     std::filesystem::path path;
     std::string content;
   };
-  recording_files(const std::filesystem::path& folder, bool fisheye) : folder_(folder) {
-    turbomap::recording r = turbomap_test::small_recording(fisheye);
-    r.sim_point_id.assign(r.kp_xy.size(), 0), r.sim_track_id.assign(r.kp_xy.size(), -1);  // every array is there
-    r.sim_point_xyz = {{1, 2, 3}}, r.sim_point_normal = {{0, 0, -1}}, r.sim_T_cw_true = r.T_cw;
-    r.sim_velocity_true = r.velocity, r.sim_bias_true = r.bias;
-    turbomap::write_recording(folder, r);
-    read_files();
-  }
+  explicit folder_files(const std::filesystem::path& folder) : folder_(folder) {}
   const std::filesystem::path& folder() const { return folder_; }
   const std::vector<file>& files() const { return files_; }
-  /// After more files have been written.
+  /// After files have been written.
   void read_files() {
     files_.clear();
     for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_))
@@ -49,10 +42,23 @@ class recording_files {
   std::vector<file> files_;
 };
 
+/// A good recording.
+class recording_files : public folder_files {
+ public:
+  recording_files(const std::filesystem::path& folder, bool fisheye) : folder_files(folder) {
+    turbomap::recording r = turbomap_test::small_recording(fisheye);
+    r.sim_point_id.assign(r.kp_xy.size(), 0), r.sim_track_id.assign(r.kp_xy.size(), -1);  // every array is there
+    r.sim_point_xyz = {{1, 2, 3}}, r.sim_point_normal = {{0, 0, -1}}, r.sim_T_cw_true = r.T_cw;
+    r.sim_velocity_true = r.velocity, r.sim_bias_true = r.bias;
+    turbomap::write_recording(folder, r);
+    read_files();
+  }
+};
+
 /// Changes files as long as it lives.
 class recording_changes {
  public:
-  recording_changes(const recording_files& files, bytes script) : files_(files), script_(script) {
+  recording_changes(const folder_files& files, bytes script) : files_(files), script_(script) {
     for (int i = 0; i < 6 && !script_.empty(); ++i) change();
     for (const std::size_t i : changed_)
       if (!removed_.count(i)) write(i, now_[i]);
@@ -164,7 +170,7 @@ class recording_changes {
     content.replace(begin, content.find_first_of(",\n]}", begin) - begin, by);
   }
 
-  const recording_files& files_;
+  const folder_files& files_;
   bytes script_;
   std::vector<std::string> now_;
   std::set<std::size_t> changed_, removed_;

@@ -17,6 +17,7 @@
 #include "reference/reprojection_cost.hpp"
 #include "support/files.hpp"
 #include "support/support.hpp"
+#include "tests/synthetic_lba_samples.hpp"
 
 using namespace turbomap_test;
 
@@ -25,24 +26,10 @@ namespace {
 using pose = turbomap::rigid_transform<double>;
 using point = turbomap::vec3<double>;
 
-void write_problem(const temporary_directory& folder) {
-  const auto write = [&](const char* name, const auto& rows) { turbomap::write_npy_rows(folder / name, rows); };
-  write("Tcw.npy", std::vector<pose>{{}, {0, 0, 0.6, 0.8, 1, 2, 3}});
-  write("Tcw_true.npy", std::vector<pose>(2));
-  write("pt.npy", std::vector<point>{{1, 2, 3}, {4, 5, 6}});
-  write("pt_true.npy", std::vector<point>{{1, 2, 3.5}, {4, 5, 6}});
-  write("kf_fixed.npy", std::vector<std::uint8_t>{0, 1});
-  write("e_kf.npy", std::vector<std::int32_t>{0, 1, 1});
-  write("e_pt.npy", std::vector<std::int32_t>{1, 1, 0});
-  write("e_obs.npy", std::vector<point>{{10, 20, -5}, {11, 21, -1}, {12, 22, 6}});
-  write("e_invsigma2.npy", std::vector<double>{1, 0.5, 0.25});
-  write("e_type.npy", std::vector<std::uint8_t>{1, 0, 1});
-}
-
 template <class Row>
 std::string with(const char* name, const std::function<void(std::vector<Row>&)>& damage) {
   const temporary_directory folder;
-  write_problem(folder);
+  write_synthetic_lba(folder.path());
   auto rows = turbomap::read_npy_rows<Row>(folder / name);
   damage(rows);
   turbomap::write_npy_rows(folder / name, rows);
@@ -53,7 +40,7 @@ std::string with(const char* name, const std::function<void(std::vector<Row>&)>&
 
 TEST_CASE("a problem is read, with or without the truth") {
   const temporary_directory folder;
-  write_problem(folder);
+  write_synthetic_lba(folder.path());
   const auto s = turbomap::read_synthetic_lba(folder.path());
   CHECK(s.data.frame_count() == 2);
   CHECK(s.data.T_cw[1].qw == 0.8);
