@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Bundle adjustment with every solver and precision, motion-only, and covariances of frames, on small problems: frames at one
+// Bundle adjustment with every solver and precision, motion-only, covariances of frames and directions that nothing tells, on small
+// problems: frames at one
 // place, landmarks behind cameras or far away, rows twice, numbers at the ends of their types.
 
 #include <thrust/execution_policy.h>
@@ -36,6 +37,7 @@ struct problem {
   std::vector<std::uint8_t> fixed, fixed_points, camera;
   std::vector<std::int32_t> frame, landmark;
   std::vector<double> information;
+  bool spoilt = false;
 
   problem(const turbomap_test::test_rig<Camera>& rig, choices& c) : cameras(rig.cameras) {
     for (std::size_t i = 0, n = 1 + c.below(5); i < n; ++i) {
@@ -52,7 +54,7 @@ struct problem {
     for (std::size_t f = 0; f < poses.size(); ++f)
       for (std::size_t l = 0; l < points.size(); ++l)
         if (const unsigned sees = c.byte() % 8; sees != 0) add(f, l, c), sees == 1 ? add(f, l, c) : void();
-    for (unsigned n = c.byte() % 8; n > 0; --n) {
+    for (unsigned n = c.byte() % 8; n > 0; --n, spoilt = true) {
       const unsigned what = c.byte() % 5;
       if (what == 0) spoil(poses[c.below(poses.size())], c);
       if (what == 1 && !points.empty()) points[c.below(points.size())] = c.vector(20);
@@ -120,6 +122,19 @@ void adjust(turbomap::context<policy>& ctx, const problem<Camera>& p, choices& c
     if (all)
       for (std::size_t i = 0; i < 12; ++i)
         expect(finite({covariance[13 * i]}) && covariance[13 * i] >= 0, "variances of what is determined are finite");
+  }
+  if (c.byte() % 4 == 1) {
+    const int open = turbomap::undetermined_directions(ctx, problem);
+    std::vector<std::int32_t> frames;
+    int unknowns = 0;
+    for (std::size_t f = 0; f < p.poses.size(); ++f)
+      frames.push_back(static_cast<std::int32_t>(f)), unknowns += p.fixed[f] != 0 ? 0 : 6;
+    expect(open >= 0 && open <= unknowns, "there are no more directions than unknowns");
+    const bool all = turbomap::frame_covariance(ctx, problem, turbomap::span<const std::int32_t>(frames), covariance);
+    expect(!all || open == 0, "where every frame is determined nothing is open");
+    bool held = p.spoilt || unknowns < 6 * static_cast<int>(frames.size());
+    for (const auto fixed : p.fixed_points) held = held || fixed != 0;
+    if (!held) expect(open >= 6, "of frames and landmarks that nothing holds the gauge is open");
   }
 }
 

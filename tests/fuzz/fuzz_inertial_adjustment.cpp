@@ -12,9 +12,10 @@
 #include <type_traits>
 #include <vector>
 
+#include <turbomap/adjustment/covariance.hpp>
 #include <turbomap/map/validate.hpp>
 
-#include "hostile.hpp"
+#include "hostile_inertial.hpp"
 #include "inertial/inertial_scene.hpp"
 #include "mapping/inertial_adjustment_cases.hpp"
 
@@ -23,31 +24,7 @@ using namespace turbomap_fuzz;
 namespace {
 
 using policy = std::decay_t<decltype(thrust::seq)>;
-using state = turbomap::inertial_state<double>;
 
-void spoil_state(state& x, choices& c) {
-  const unsigned what = c.byte() % 4;
-  if (what == 0) spoil(x.T_cw, c);
-  if (what == 1) x.velocity = c.vector(10);
-  if (what == 2) x.bias.gyro = c.vector(1);
-  if (what == 3) x.bias.acceleration = c.vector(10);
-}
-void spoil_motion(turbomap::preintegration<double>& p, choices& c) {
-  turbomap::mat3<double>* const matrices[] = {&p.dR,   &p.J_Rg, &p.J_Vg, &p.J_Va, &p.J_Pg, &p.J_Pa,
-                                              &p.C_RR, &p.C_VR, &p.C_VV, &p.C_PR, &p.C_PV, &p.C_PP};
-  const unsigned what = c.byte() % 8;
-  if (what == 0) p.dt = c.number(1);
-  if (what == 1) p.dV = c.vector(10);
-  if (what == 2) p.dP = c.vector(10);
-  if (what == 3) p.bias.gyro = c.vector(1);
-  if (what == 4) p.gyro_walk = c.number(1);
-  if (what == 5) p.acceleration_walk = c.number(1);
-  if (what > 5) matrices[c.below(12)]->m[c.below(9)] = c.number(1);
-}
-bool is_finite(const state& x) {
-  return finite({x.velocity.x, x.velocity.y, x.velocity.z, x.bias.gyro.x, x.bias.gyro.y, x.bias.gyro.z,
-                 x.bias.acceleration.x, x.bias.acceleration.y, x.bias.acceleration.z});
-}
 turbomap::adjustment_options solve(choices& c) {
   turbomap::adjustment_options o;
   o.max_iterations = static_cast<int>(c.below(5)), o.max_retries = static_cast<int>(c.below(6));
@@ -55,6 +32,22 @@ turbomap::adjustment_options solve(choices& c) {
   o.solver = static_cast<turbomap::reduced_solver>(c.below(4));
   o.numbers = static_cast<turbomap::precision>(c.below(3));
   return o;
+}
+
+/// How many directions nothing tells, and which frames that concerns.
+template <class Problem>
+void directions(turbomap::context<policy>& ctx, const turbomap_test::inertial_scene& s, Problem& problem) {
+  const int open = turbomap::undetermined_directions(ctx, problem);
+  int unknowns = 0;
+  std::vector<std::int32_t> frames;
+  for (std::size_t f = 0; f < s.states.size(); ++f) {
+    frames.push_back(static_cast<std::int32_t>(f));
+    if (s.fixed.empty() || s.fixed[f] == 0) unknowns += 15;
+  }
+  expect(open >= 0 && open <= unknowns, "there are no more directions than unknowns");
+  std::vector<double> covariance;
+  const bool all = turbomap::frame_covariance(ctx, problem, turbomap::span<const std::int32_t>(frames), covariance);
+  expect(!all || open == 0, "where every frame is determined nothing is open");
 }
 
 /// Through bundle_problem.
@@ -83,6 +76,7 @@ void problem_of_frames(choices& c) {
   turbomap::context<policy> ctx;
   turbomap_test::inertial_problem<policy> problem(ctx);
   if (!allowed([&] { s.assign(ctx, problem, turbomap::inertial_factor{}); })) return;
+  if (c.byte() % 4 == 1) directions(ctx, s, problem);
   const auto summary = turbomap::adjust<turbomap::every_adjustment_method>(ctx, problem, solve(c));
   std::vector<state> found;
   problem.frames(ctx, found);
@@ -142,13 +136,16 @@ void stage_on_a_map(choices& c) {
   turbomap::inertial_adjustment_options inertial;
   inertial.window.keyframes = static_cast<int>(c.below(8)), inertial.fewest_edges = static_cast<int>(c.below(4));
   inertial.window.all_robust = c.flag();
+  inertial.marginal_prior = c.flag(), inertial.strong_points = inertial.marginal_prior ? -1 : 100;
   turbomap::fault_list noted;
   std::vector<state> before;
   for (const auto& k : s.keyframes)
     if (map.alive(k)) before.push_back({map.T_cw(k), map.velocity(k), map.bias(k)});
   const int current =
       c.flag() ? static_cast<int>(c.below(s.keyframes.size())) : static_cast<int>(s.keyframes.size()) - 1;
-  allowed([&] { run(current, options, inertial, turbomap::fault_sink(noted)); });
+  // A prior comes of a window that slides: the second call is about the next keyframe.
+  for (int n = inertial.marginal_prior ? 1 : 0; n >= 0; --n)
+    allowed([&] { run(current > n ? current - n : current, options, inertial, turbomap::fault_sink(noted)); });
   for (const auto& v : turbomap::validate(map))
     expect(spoilt && is_number(v.fault), "the map is sound but for numbers that an edit wrote");
   std::size_t i = 0;

@@ -42,6 +42,7 @@ class serial_fusion_oracle {
     std::size_t entries = 0, observations_added = 0, merged = 0, stale = 0, already_observed = 0, conflicts = 0;
   } counts;                        ///< of all commits
   std::vector<oracle_id> touched;  ///< points that gained views
+  std::size_t close_calls = 0;     ///< of all searches: trials that rounding may decide
 
   /// The points of the sources in every target. \param serial  each camera of a target sees the commit before it
   void pass(const std::vector<oracle_id>& sources, const std::vector<oracle_id>& targets, bool serial,
@@ -109,6 +110,7 @@ class serial_fusion_oracle {
                                          camera, order, options);
     // Close calls count as well: a point that another camera of its reference keyframe saw has a range that ends within the
     // rounding of float from an octave, a thousand times what double needs.
+    close_calls += found.doubtful ? 1 : 0;
     return found.trial.outcome == turbomap::duplicate_outcome::matched ? found.trial.keypoint : -1;
   }
   void commit(const std::vector<entry>& plan, const oracle_merge_rule& rule, bool refresh_survivors) {
