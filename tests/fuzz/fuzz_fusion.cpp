@@ -29,8 +29,7 @@ class world {
 
  public:
   world(const turbomap_test::test_rig<Camera>& rig, choices& c)
-      : scene_(rig, recipe(c)),
-        run_(scene_, turbomap_test::unfused(scene_.recipe().scales), {}, policy(), store(c)) {
+      : scene_(rig, recipe(c)), run_(scene_, turbomap_test::unfused(scene_.recipe().scales), {}, policy(), store(c)) {
     run_.steps(3 + static_cast<int>(c.below(4)));
   }
 
