@@ -18,7 +18,6 @@
 #include "support/files.hpp"
 
 using namespace turbomap_test;
-namespace at = turbomap_test::keyframe_map_at;
 using turbomap::evaluation::read_keyframe_map;
 
 TEST_CASE("a .kfm file is read") {
@@ -39,6 +38,7 @@ TEST_CASE("a .kfm file is read") {
 }
 
 TEST_CASE("a .kfm file with numbers that cannot be is refused by name") {
+  namespace at = keyframe_map_at;
   const temporary_directory folder;
   const auto message = [&](std::size_t offset, auto value) {
     std::string bytes = keyframe_map_bytes();
