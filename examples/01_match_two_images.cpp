@@ -4,7 +4,8 @@
 /// \file
 /// ORB features of two photographs with known poses -> correspondences -> map points.
 ///
-///     01_match_two_images                          two photographs of TURBOMAP_DATA_DIR, or two rendered images
+///     01_match_two_images                          two photographs of TURBOMAP_DATA_DIR, or two rendered images, which it
+///                                                  leaves as one.png and two.png
 ///     01_match_two_images ONE TWO MODEL            your photographs; MODEL has cameras.txt and images.txt as COLMAP writes
 ///
 /// Writes matches.png and points.ply into the current folder. Exit status 0 when the result is sane, 1 when not.
@@ -127,7 +128,12 @@ int main(int argc, char** argv) try {
   if (argc != 1) throw std::invalid_argument("usage: 01_match_two_images [ONE TWO MODEL]");
   const char* data = std::getenv("TURBOMAP_DATA_DIR");
   const std::string door = data == nullptr ? "" : std::string(data) + "/lund-door";
-  if (data == nullptr || !std::filesystem::exists(door)) return run(example::render_views(), true);
+  if (data == nullptr || !std::filesystem::exists(door)) {
+    const auto views = example::render_views();
+    cv::imwrite("one.png", views[0].image),
+        cv::imwrite("two.png", views[1].image);  // to try with as photographs of one's own
+    return run(views, true);
+  }
   return run(example::read_views({door + "/images/DSC_0005.JPG", door + "/images/DSC_0007.JPG"},
                                  door + "/colmap_ground_truth"),
              false);
