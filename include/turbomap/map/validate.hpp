@@ -186,10 +186,8 @@ bool require_removable(const Map& map, typename map_traits<Map>::keyframe keyfra
       traits::for_each_observation(map, point, [&](typename traits::keyframe k, std::size_t i) {
         if (k == keyframe)
           listed = listed || i == slot, suspect = suspect || !is_sound_own(i);
-        else if (k == typename traits::keyframe{} || !traits::alive(map, k))
-          suspect = true;
-        else if (i >= keypoint_count_of(map, k))  // any of them may be asked for once the own view is gone
-          suspect = true;
+        else if (k == typename traits::keyframe{} || !traits::alive(map, k) || i >= keypoint_count_of(map, k))
+          suspect = true;  // any of these may be asked for once the own view is gone
         else
           ++left;
       });

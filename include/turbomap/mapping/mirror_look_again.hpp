@@ -118,7 +118,7 @@ void ask_for(map_copy<Map>& copy, map_point_id p) {
   const std::uintptr_t object = address_of(copy.points.names[place]);
   // An object may end before: as numbers, since no pointer may be formed beyond its end.
   for (std::uintptr_t line = 0; object != 0 && line < 6; ++line)
-    prefetch_line(reinterpret_cast<const void*>(object + 64 * line));
+    prefetch_line(reinterpret_cast<const void*>(object + 64 * line));  // NOLINT(performance-no-int-to-ptr)
 }
 /// The same of a slot of a keyframe, and of its keypoint: what the mirror has of them.
 template <class Map>
