@@ -347,14 +347,23 @@ class local_mapper {
     if (searched != stage_outcome::done && searched != stage_outcome::cut) return;
     if (!progress_.fits(mapping_piece::create_points)) return progress_.cut(mapping_piece::create_points);
     progress_.timed(mapping_piece::create_points, 1, [&] {
-      const auto& created = creation_(s, search_, options_.creation, appearance());
-      report_.matches = creation_.matches();
-      report_.creation = creation_.summary();
-      report_.points_created = created.size();
-      report_.points_updated += created.size();
-      due_.changed(creation_.due());
+      // What was inserted is watched, and its appearance is due, also where a later part throws.
+      const auto note = [this] {
+        report_.matches = creation_.matches();
+        report_.creation = creation_.summary();
+        report_.points_created = creation_.created().size();
+        report_.points_updated += creation_.created().size();
+        due_.changed(creation_.due());
+        probation_.watch(creation_.created(), iteration_);
+      };
+      try {
+        creation_(s, search_, options_.creation, appearance());
+      } catch (...) {
+        note();
+        throw;
+      }
+      note();
       if (!due_.empty()) report_.points_updated += due_.update(s, appearance());  // fusion reads it
-      probation_.watch(created, iteration_);
     });
   }
 

@@ -103,10 +103,8 @@ class mapper_threads {
     if (!mirrored) return;
     const keyframe k = map_next();
     compare(k);
-    std::size_t points = 0;
-    traits::for_each_point(run_.map, [&](point) { ++points; });
-    move_all(run_.map, 1);  // and nobody says so: the comparison finds it, since the mirror has most of the map
-    CHECK(differences(k).points * 2 > points);
+    move_all(run_.map, 1);  // and nobody says so: the comparison finds it, of what the mirror has of the map by then
+    CHECK(differences(k).points > 1);
   }
   std::size_t inertial_edges() const { return inertial_edges_; }
 

@@ -90,6 +90,40 @@ TEST_CASE("somebody moves the map between two parts: the rest is not written") {
   }
 }
 
+TEST_CASE("somebody moves the map between two parts of creation: no more points enter") {
+  for (const int part : {1, 2, 4, 1000}) {
+    CAPTURE(part);
+    auto c = stereo_case(noisy(4, 1.2));
+    c.options.points_read_per_guard = 4;  // so that a part is one new point
+    bool armed = false, creating = false;
+    int times = 0;
+    std::size_t created = 0;
+    turbomap::local_mapper_hooks<watched> hooks;
+    hooks.stage_done = [&](mapping_stage s, const turbomap::mapping_report& report) {
+      if (s == mapping_stage::search) creating = armed, times = 0;
+      if (s == mapping_stage::creation) creating = false, created = report.points_created;
+    };
+    const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
+    run_type run(scene, c.options, hooks);
+    run.steps(6);
+    armed = true;
+    run.map.watch.before = [&] {
+      if (creating && ++times == part) move_all(run.map, 0.25);
+    };
+    run.step();
+    run.map.watch.before = {};
+    if (part < 1000) {
+      CHECK(created <= static_cast<std::size_t>(part - 1));
+      CHECK(created + 2 > static_cast<std::size_t>(part - 1));  // a part's point may have lost its keypoints
+      CHECK(times == part);                                     // it looked, and stopped
+    } else {
+      CHECK(created > 4);
+      CHECK(times > 4);
+    }
+    CHECK(turbomap::validate(run.map).empty());
+  }
+}
+
 template <class Map>
 void check_threads(told by = told::by_keyframes) {
   auto c = stereo_case(noisy(3));

@@ -28,6 +28,12 @@ struct new_points_view {
   span<const point_observation> observations = {};  ///< a point's reference keyframe first
 };
 
+/// Of a list that is worked on in parts: begin <= i < end, as far as the list goes.
+struct part_of_list {
+  std::size_t begin = 0;                           ///< the first
+  std::size_t end = static_cast<std::size_t>(-1);  ///< behind the last
+};
+
 }  // namespace turbomap
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -42,17 +48,20 @@ TURBOMAP_BEGIN_NAMESPACE
 /// \param due          those that entered with fewer observations than they were described with, appended: their
 ///                     appearance is due
 /// \throws std::invalid_argument  an index out of range, appearances that are not as many as the points; inconsistent_map
-///         where a slot contradicts the map. Everything is checked before the first point is inserted
+///         where a slot contradicts the map. Everything is checked before the first point of the part is inserted
 /// \param faults       where to note slots that contradict the map instead; their keypoints get no point
-/// O(observations).
+/// \param part         the points to insert: several calls in their order do what one does with all
+/// O(observations of the part).
 template <class Map, class List>
 void commit_points(Map& map, const new_points_view& points,
                    const computed_appearances<typename map_traits<Map>::descriptor>& appearances,
                    span<const typename map_traits<Map>::keyframe> keyframes, List& created, List& due,
-                   fault_sink faults = {}) {
+                   fault_sink faults = {}, part_of_list part = {}) {
   using traits = map_traits<Map>;
   static_assert(require_map_traits<Map>());
   const std::size_t count = points.positions.size();
+  const std::size_t part_end = part.end < count ? part.end : count;
+  if (part.begin > part_end) part.begin = part_end;
   require(points.offsets.size() == count + 1, "offsets.size()", points.offsets.size(),
           "must be that of the points, plus 1");
   require(appearances.empty() || appearances.size() == count, "appearances.size()", appearances.size(),
@@ -70,8 +79,12 @@ void commit_points(Map& map, const new_points_view& points,
     alive[n] = traits::alive(map, keyframes[n]) ? 1 : 0;
   }
   constexpr std::size_t ahead = detail::ahead_near;
-  for (std::size_t v = 0; v < points.observations.size(); ++v) {
-    if (v + ahead < points.observations.size()) {
+  // What no point has takes part in the first part and the last.
+  const std::size_t views_begin = part.begin == 0 ? 0 : static_cast<std::size_t>(points.offsets[part.begin]),
+                    views_end =
+                        part_end == count ? points.observations.size() : static_cast<std::size_t>(points.offsets[part_end]);
+  for (std::size_t v = views_begin; v < views_end; ++v) {
+    if (v + ahead < views_end) {
       const point_observation& next = points.observations[v + ahead];
       const auto n = static_cast<std::size_t>(next.keyframe);
       if (n < keyframes.size()) ask_for(map, keyframes[n], static_cast<std::size_t>(next.keypoint));
@@ -86,14 +99,14 @@ void commit_points(Map& map, const new_points_view& points,
     look_at_slot(map, k, static_cast<std::size_t>(o.keypoint));
     require_consistent_slot(map, k, static_cast<std::size_t>(o.keypoint), faults);
   }
-  created.reserve(created.size() + count), due.reserve(due.size() + count);
-  expect_points(map, count);
+  created.reserve(created.size() + part_end - part.begin), due.reserve(due.size() + part_end - part.begin);
+  expect_points(map, part_end - part.begin);
   const auto possible = [&](const point_observation& o) {
     const auto k = keyframes[static_cast<std::size_t>(o.keyframe)];
     return alive[static_cast<std::size_t>(o.keyframe)] != 0 &&
            traits::point_at(map, k, static_cast<std::size_t>(o.keypoint)) == typename traits::point{};
   };
-  for (std::size_t i = 0; i < count; ++i) {
+  for (std::size_t i = part.begin; i < part_end; ++i) {
     const auto begin = static_cast<std::size_t>(points.offsets[i]),
                end = static_cast<std::size_t>(points.offsets[i + 1]);
     std::size_t views = 0, first = end;

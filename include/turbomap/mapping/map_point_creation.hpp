@@ -59,6 +59,7 @@ class map_point_creation {
   /// Candidate points, and the appearance of those that are accepted.
   void compute(const scope& s, const search_type& search, const creation_options& options,
                const appearance_options& appearance) {
+    created_.clear(), due_.clear();  // also where it throws before commit()
     positions_.clear(), observations_.clear(), references_.clear();
     offsets_.assign(1, 0);
     summary_ = {};
@@ -68,16 +69,26 @@ class map_point_creation {
       compute_pairs(s.ctx, search, options);
     describe(s.ctx, search, appearance);
   }
-  /// Inserts the accepted points with those of their keypoints that are free yet. None if somebody moved a keyframe since it was
-  /// read, e.g. by closing a loop: the positions are of another map then.
+  /// Inserts the accepted points with those of their keypoints that are free yet, in parts between which others may enter. None,
+  /// or no more, once somebody has moved a keyframe since it was read, e.g. by closing a loop: the positions are of another map
+  /// then. What was inserted before an exception is in created().
   void commit(const scope& s, const search_type& search) {
     created_.clear(), due_.clear();
-    const auto guard = s.commit_guard();
-    if (!is_where_it_was(s.map, search.selection())) return;
-    commit_points<Map>(s.map, new_points_view{positions_, offsets_, observations_}, {look_, descriptors_},
-                       search.selection().keyframes(), created_, due_, s.faults);
+    // To insert a point takes several times as long as to read one.
+    const auto read = static_cast<std::size_t>(s.points_read_per_guard);
+    const std::size_t count = positions_.size(), most = read == 0 ? count : (read + 3) / 4;
+    std::size_t at = 0;
+    do {
+      const auto guard = s.commit_guard();
+      if (!is_where_it_was(s.map, search.selection())) return;
+      commit_points<Map>(s.map, new_points_view{positions_, offsets_, observations_}, {look_, descriptors_},
+                         search.selection().keyframes(), created_, due_, s.faults, {at, at + most});
+      at += most;
+    } while (at < count);
   }
 
+  /// The points that the last call inserted.
+  const list_of<point>& created() const { return created_; }
   /// New points of the last call that entered the map with fewer observations than they were described with.
   const list_of<point>& due() const { return due_; }
   /// Correspondences that the last call used.
