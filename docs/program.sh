@@ -4,9 +4,9 @@
 #
 # docs/program.sh PAGE [FLAG...]: compiles and runs the program of a page of the documentation. The blocks of a page that are
 # marked as compiled are one program, in build/docs/PAGE.cpp. It shows its commands: they are all that a program of yours needs.
-# A page without `int main` is compiled only.
+# A page without `int main` is compiled only. PAGE as local_mapping, for docs/local_mapping.md.
 set -eu
-[ $# -gt 0 ] || { sed -n '5,7s/^# //p' "$0" >&2; exit 2; }
+[ $# -gt 0 ] || { sed -n '5,8s/^# //p' "$0" >&2; exit 2; }
 cd "$(dirname "$0")/.."
 page=$1
 shift

@@ -400,7 +400,10 @@ def generated(args, size):
     long = run("ten", ["10"])
     if "failed" in long:
         return long
-    enough = 1 + next(i for i, cost in enumerate(long["costs"]) if cost <= 1.01 * min(long["costs"]))
+    costs = [math.inf if cost is None else cost for cost in long["costs"]]
+    enough = next((i + 1 for i, cost in enumerate(costs) if cost <= 1.01 * min(costs)), None)
+    if enough is None or not math.isfinite(min(costs)):
+        return {"failed": "no cost that is a number"}
     short = run(f"{enough}", [str(enough), "--repeat", "3"])
     return short if "failed" in short else {**long, "short": short}
 
@@ -804,7 +807,10 @@ def check(path):
             sys.exit(f"evaluate: {path}:{line}: not what {path.with_suffix('.csv').name} says:\n  {has}\n  {should}")
     if text != wanted:
         sys.exit(f"evaluate: {path}: not what {path.with_suffix('.csv').name} says")
-    for plot_file, digest in re.findall(rf"!\[[^]]*\]\((figures/{path.stem}_[^)]+)\) \| (\w*)", text):
+    for plot_file in re.findall(r"!\[[^]]*\]\(([^)]+)\)", text):
+        if not (path.parent / plot_file).exists():
+            sys.exit(f"evaluate: {path}: there is no {plot_file}")
+    for plot_file, digest in re.findall(rf"!\[[^]]*\]\((figures/{re.escape(path.stem)}_[^)]+)\) \| (\w*)", text):
         file = path.parent / plot_file
         if not file.exists() or digest_of(file.read_text()) != digest:
             sys.exit(f"evaluate: {path}: {plot_file} is not there, or is not the plot that the run drew")

@@ -6,7 +6,7 @@
 # page took. It stops at the first command that fails, and shows the end of its output.
 #
 #   ROOT   the folder of a Debian 12 that has git and nothing else: everything runs in it by chroot, as root. Or `/`: this
-#          machine, where nothing is installed (lines with apt-get are left out): what the pages need must be there
+#          machine, where lines with apt-get are left out: what the pages need should be there (./quickstart asks for what is not)
 #   PAGE   these pages only, as docs/cmake.md; README.md always comes first, because the others need its clone and its build
 #
 # Nothing is written down twice: commands and files come from the pages. HTML comments mark them, which readers do not see:
@@ -17,7 +17,8 @@
 # Each block has a shell of its own. The word ADDRESS stands for where the clone comes from: HEAD of this repository.
 set -eu -o pipefail
 [ $# -gt 0 ] || { sed -n '5,11s/^# \{0,1\}//p' "$0" >&2; exit 2; }
-root=${1%/}
+root=$(cd "$1" && pwd)
+root=${root%/}
 shift
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 mapfile -t pages < <(grep -l '^ *<!-- typed' docs/*.md)

@@ -248,6 +248,22 @@ TEST_CASE("in parts: the same map, and once somebody moves a keyframe no more is
   T.tz -= 1;
   watched_traits::set_pose(early.map, early.keyframes[6], T);
   CHECK(early.state() == unadjusted);
+  // All points are moved when the first four of the outliers have been found: those keep what they have, too.
+  local_scene<watched> shifted(with_outliers());
+  const auto nothing_taken = adjust_while(
+      shifted,
+      [&] {
+        for (const auto p : shifted.points) {
+          if (!shifted.map.alive(p)) continue;
+          auto x = shifted.map.position(p);
+          x.z += 1e-6;
+          watched_traits::set_position(shifted.map, p, x);
+        }
+      },
+      3, 16);
+  CHECK(summary.outliers > 8);
+  CHECK_FALSE(nothing_taken.stale);
+  CHECK(nothing_taken.outliers == 0);
   const auto stopped = adjust_while(late, move(late), static_cast<int>(times - taking_out), 16);
   CHECK(stopped.stale);
   CHECK(stopped.outliers == 0);

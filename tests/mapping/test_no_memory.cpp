@@ -34,7 +34,8 @@ using flat = mapped_by<pinhole_camera>;
 template <class Map>
 using adjusted_run = mapping_run<Map, sequential_policy, turbomap::local_adjustment<Map, sequential_policy>>;
 
-TEST_CASE_TEMPLATE("every allocation of insert and process may fail", Map, flat, mirrored_flat) {
+template <class Map, class Failure>
+void check_insert_and_process() {
   auto c = case_of_failures();
   c.options.covariances = true;
   c.options.checked_share = 1;          // of a mirror
@@ -42,12 +43,17 @@ TEST_CASE_TEMPLATE("every allocation of insert and process may fail", Map, flat,
   c.options.keyframe_culling.redundant_share = 0.5F, c.options.keyframe_culling.observers = 1;
   const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
   adjusted_run<Map> run(scene, c.options, {}, sequential_policy(), store_of_failures());
-  const failures_met met = map_with_failures<no_memory_after>(run, scene, 14);
+  const failures_met met = map_with_failures<Failure>(run, scene, 14);
   CHECK(met.inserting > 10);
   CHECK(met.processing > 100);
   CHECK(met.adjusted > 8);
   CHECK(run.map.keyframe_count() < 12);  // culled
 }
+
+TEST_CASE_TEMPLATE("every allocation of insert and process may fail, with all after it", Map, flat, mirrored_flat) {
+  check_insert_and_process<Map, no_memory_after>();
+}
+TEST_CASE("every allocation of insert and process may fail, alone") { check_insert_and_process<flat, no_memory_once>(); }
 
 TEST_CASE("every allocation of a mapper with an IMU may fail, while it culls and bridges motions") {
   const mapping_recipe recipe = noisy_recipe();

@@ -19,17 +19,24 @@ inline constexpr long no_limit = std::numeric_limits<long>::max();
 inline std::atomic<long> allocations{0};
 inline std::atomic<std::size_t> allocated_bytes{0};   ///< of all allocations, those that were given back included
 inline std::atomic<long> allocations_left{no_limit};  ///< until they fail
+inline std::atomic<bool> fails_once{false};           ///< one of them, not all that follow
 
-/// Lets allocation number `n` from now on fail, and all after it until it is destroyed.
-struct no_memory_after {
-  explicit no_memory_after(long n) { allocations_left = n; }
-  no_memory_after(const no_memory_after&) = delete;
-  no_memory_after& operator=(const no_memory_after&) = delete;
-  ~no_memory_after() { allocations_left = no_limit; }
+/// Lets allocation number `n` from now on fail, and all after it until it is destroyed; or that one only.
+template <bool Once>
+struct failing_memory {
+  explicit failing_memory(long n) { fails_once = Once, allocations_left = n; }
+  failing_memory(const failing_memory&) = delete;
+  failing_memory& operator=(const failing_memory&) = delete;
+  ~failing_memory() { allocations_left = no_limit; }
 };
+using no_memory_after = failing_memory<false>;
+using no_memory_once = failing_memory<true>;
 
 inline void* counted_new(std::size_t bytes, std::size_t alignment) {
-  if (allocations_left != no_limit && allocations_left-- <= 0) throw std::bad_alloc();
+  if (allocations_left != no_limit && allocations_left-- <= 0) {
+    if (fails_once) allocations_left = no_limit;
+    throw std::bad_alloc();
+  }
   ++allocations;
   allocated_bytes += bytes;
   bytes = (bytes + alignment - 1) / alignment * alignment;

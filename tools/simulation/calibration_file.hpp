@@ -30,7 +30,8 @@ struct calibration_block {
   std::map<std::string, std::string> text;
 };
 
-/// The numbers of a line; one that a double cannot hold is not finite, so that it is refused where it is used.
+/// The numbers of a line; one that a double cannot hold, too large or too small, is not finite, so that it is refused where it is
+/// used.
 inline std::vector<double> numbers_in(const std::string& line) {
   std::vector<double> found;
   for (const char *at = line.data(), *end = at + line.size(); at != end;) {

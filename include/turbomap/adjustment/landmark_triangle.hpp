@@ -35,7 +35,8 @@ class landmark_triangle {
     const int rank = triangulate_landmark();
     for (int i = rank; i < rows_; ++i)
       for (int c = 3; c < columns_; ++c)
-        if (std::abs(entry(i, c)) <= rounding * std::sqrt(length_[at(c)])) entry(i, c) = 0;
+        if (std::isfinite(length_[at(c)]) && std::abs(entry(i, c)) <= rounding * std::sqrt(length_[at(c)]))
+          entry(i, c) = 0;
     return rank;
   }
 

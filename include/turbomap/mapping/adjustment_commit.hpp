@@ -104,6 +104,7 @@ class adjustment_commit {
       if (summary.stale) return;
       looked_at_rows = find_outliers(s.map, looked_at_rows, most_rows, s.faults);
       if (looked_at_rows < beyond_.size()) continue;
+      if (beyond_.size() > most_rows) keep_unmoved_outliers(s.map);
       lost_views_.reserve(outliers_.size());
       write_poses(s.map, more);
       if (most == 0 || points().size() + 4 * outliers_.size() <= most) {
@@ -225,6 +226,14 @@ class adjustment_commit {
       if (unmoved(map, static_cast<std::size_t>(window_.at(beyond_[n]).landmark)) && is_held(map, beyond_[n], faults))
         outliers_.push_back(beyond_[n]);
     return end;
+  }
+
+  /// Of outliers that were found in several parts: somebody may have moved a point since, which keeps what it has.
+  void keep_unmoved_outliers(const Map& map) {
+    std::size_t kept = 0;
+    for (const std::size_t row : outliers_)
+      if (unmoved(map, static_cast<std::size_t>(window_.at(row).landmark))) outliers_[kept++] = row;
+    outliers_.resize(kept);
   }
 
   const list_of<point>& points() const { return window_.points(); }

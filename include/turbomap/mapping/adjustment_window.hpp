@@ -43,7 +43,7 @@ class adjustment_window {
     std::int32_t keypoint;  ///< keypoint index, within the keyframe
   };
 
-  /// Chooses the keyframes that move; read() adds the rest. The caller holds the guard, here and in the next two.
+  /// Chooses the keyframes that move; read() adds the rest. The caller holds the guard, here and in all that choose or read.
   /// \param current  alive and in the store
   /// \param second_min_shared_points  0: no keyframes of the second order
   /// \param most_keyframes  that are not fixed, best covisible ones first; 0: all

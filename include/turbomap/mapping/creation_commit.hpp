@@ -51,7 +51,7 @@ TURBOMAP_BEGIN_NAMESPACE
 ///         where a slot contradicts the map. Everything is checked before the first point of the part is inserted
 /// \param faults       where to note slots that contradict the map instead; their keypoints get no point
 /// \param part         the points to insert: several calls in their order do what one does with all
-/// O(observations of the part).
+/// O(points + keyframes + observations of the part).
 template <class Map, class List>
 void commit_points(Map& map, const new_points_view& points,
                    const computed_appearances<typename map_traits<Map>::descriptor>& appearances,
@@ -80,9 +80,9 @@ void commit_points(Map& map, const new_points_view& points,
   }
   constexpr std::size_t ahead = detail::ahead_near;
   // What no point has takes part in the first part and the last.
-  const std::size_t views_begin = part.begin == 0 ? 0 : static_cast<std::size_t>(points.offsets[part.begin]),
-                    views_end =
-                        part_end == count ? points.observations.size() : static_cast<std::size_t>(points.offsets[part_end]);
+  const auto offset = [&](std::size_t i) { return static_cast<std::size_t>(points.offsets[i]); };
+  const std::size_t views_begin = part.begin == 0 ? 0 : offset(part.begin),
+                    views_end = part_end == count ? points.observations.size() : offset(part_end);
   for (std::size_t v = views_begin; v < views_end; ++v) {
     if (v + ahead < views_end) {
       const point_observation& next = points.observations[v + ahead];

@@ -32,8 +32,9 @@ struct local_mapper_options {
   /// What contradicts itself in the map, or is not finite, ends process() with inconsistent_map. Off: it is noted in
   /// mapping_report::refused, and the work is done without it.
   bool strict = false;
-  /// Stages read so many points, with their observations, while they hold the map's guard once, and write as many appearances, or take a quarter
-  /// of them from a keyframe that is culled: so that others may enter in between. What others move meanwhile is read anew. 0: all at once. Parts of commits have their own
+  /// Stages read so many points, with their observations, while they hold the map's guard once, and write as many appearances, or
+  /// insert a quarter as many points, or take so many from a keyframe that is culled: so that others may enter in between. What
+  /// others move meanwhile is read anew; no more points are inserted then. 0: all at once. Parts of other commits have their own
   /// options (adjustment.points_per_guard, fusion.commit.entries_per_guard). Ours: see docs/local_mapping.md for the times.
   int points_read_per_guard = default_points_read_per_guard;
   int most_views = appearance_options{}.most_views;  ///< of a point, for its descriptor and normal; 0: all [ORB-SLAM3]

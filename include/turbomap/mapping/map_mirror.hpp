@@ -70,6 +70,7 @@ class map_mirror {
     copy_.points.clear();
     copy_.keyframes.clear();
     sample_.reset();
+    lost_.clear();
     reports_.take();
   }
   /// Before a keyframe is processed: numbers of merged points are free again, names of what is gone are let go, and what was
@@ -84,7 +85,6 @@ class map_mirror {
     const auto reported = reports_.take();
     try {
       if (reported.all) copy_.forget_all();
-      lost_.clear();
       for (const user_point& p : reported.points) {
         const point known = number(p);
         if (known.index == map_copy<Map>::gone)
@@ -93,6 +93,7 @@ class map_mirror {
           forget(known);
       }
       if (!lost_.empty()) forget_named();
+      lost_.clear();
       for (const user_keyframe& k : reported.keyframes) read_again(number(k));
     } catch (...) {
       refresh();
@@ -138,8 +139,9 @@ class map_mirror {
 
  private:
   /// Points that are dead are found by their id. A handle may not tell it any more: another point has its place in the user's
-  /// map. Then its name is looked for among all.
+  /// map. Then its name is looked for among all; where many are reported so, to read everything anew costs less.
   void forget_named() {
+    if (lost_.size() > 16) return copy_.forget_all();
     auto& points = copy_.points;
     for (std::size_t p = 1; p < points.size(); ++p)
       for (const user_point& name : lost_)

@@ -62,7 +62,7 @@ class map_point_creation {
     created_.clear(), due_.clear();  // also where it throws before commit()
     positions_.clear(), observations_.clear(), references_.clear();
     offsets_.assign(1, 0);
-    summary_ = {};
+    summary_ = {}, matches_ = 0;
     if (options.rule == creation_rule::tracks)
       compute_tracks(s.ctx, search, options);
     else
@@ -74,6 +74,7 @@ class map_point_creation {
   /// then. What was inserted before an exception is in created().
   void commit(const scope& s, const search_type& search) {
     created_.clear(), due_.clear();
+    require(s.points_read_per_guard >= 0, "points_read_per_guard", s.points_read_per_guard, "must not be negative");
     // To insert a point takes several times as long as to read one.
     const auto read = static_cast<std::size_t>(s.points_read_per_guard);
     const std::size_t count = positions_.size(), most = read == 0 ? count : (read + 3) / 4;

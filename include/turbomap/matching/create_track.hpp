@@ -6,7 +6,8 @@
 /// One map point from all views of a track: it begins at the point nearest to all rays, or at the depth of a stereo keypoint
 /// (begin_track.hpp says when), and is moved until the reprojection errors are least (fit_track.hpp). A view that does not fit
 /// leaves the track, the worst one first, and the estimate is repeated. Where two views are left, it begins as a pair does and is
-/// judged like one (create_point.hpp), so a track of two views is decided as a match is.
+/// judged like one (create_point.hpp), so a track of two views is decided as a match is; two cameras of one keyframe are asked
+/// besides whether something else looks as similar (lookalike.hpp).
 
 #include "../camera/point_uncertainty.hpp"
 #include "../config.hpp"

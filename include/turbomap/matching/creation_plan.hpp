@@ -58,17 +58,17 @@ struct creation_options {
   /// Tracks: detectors find one corner in several octaves, and a camera sees a point at one of them only. A track is of a
   /// known landmark if in so many of its views a keypoint beside it sees the same point of the map; 0: nobody asks.
   int known_views = 2;
-  /// Beside: squared distance <= this (sigma2 of one + sigma2 of the other): 95 %, 2 dof, as merge_tolerance.
+  /// Beside: squared distance <= this (sigma2 of one + sigma2 of the other): 95 %, 2 dof, as merge_tolerance. For
+  /// lookalike_ratio too: what is beside a match is the same corner.
   double known_chi2 = 5.991;
   /// Beside: of octaves that differ by so many at most, finer or coarser; 255: of any. 1 was chosen by measurement
   /// (docs/evaluation.md). Keypoints of one corner that are farther apart are two points, whose errors are their own. Fusion would
   /// rarely find one at the other: it looks at the octave that it predicts and one finer, where this rule predicts none.
   int known_octaves = 1;
   /// Tracks: a point is seen by so many keyframes at least. 1: the cameras of one rig suffice, which gives the most exact
-  /// trajectories. 2 where things look alike side by side: half of what only one rig matches is wrong there. Measured:
-  /// docs/matching.md.
+  /// trajectories. 2 where things look alike side by side, and lookalike_ratio is not enough. Measured: docs/matching.md.
   int fewest_keyframes = 1;
-  /// Tracks: where two cameras of one keyframe are all that is left, their descriptors must be nearer than so many times those of
+  /// Tracks, a ratio test [Lowe]: where two cameras of one keyframe are all that is left, their descriptors must be nearer than so many times those of
   /// either keypoint and any other that the other camera may see its landmark at; 0: nobody asks. 0.8: as ratio_test. What looks
   /// alike side by side has no third view that contradicts. Measured: docs/matching.md.
   double lookalike_ratio = 0.8;

@@ -110,7 +110,8 @@ class track_creation {
 /// \param result   overwritten. Under CUDA the work may still be running on return
 /// \throws std::invalid_argument  an option is not finite or out of range, the scale factor is not that of the search, or
 ///         tracks are not of the matches; nothing is changed
-/// Decisions and positions are equal to the last bit on every policy. O(views^2) per track where many views leave.
+/// Decisions and positions are equal to the last bit on every policy. O(views^2) per track where many views leave;
+/// O(keypoints of the keyframe) more where two cameras of one keyframe are left.
 template <class Descriptor, class Camera, class Policy>
 void create_track_points(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches,
                          const match_tracks<Descriptor, Camera, Policy>& tracks, const creation_options& options,
