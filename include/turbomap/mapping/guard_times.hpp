@@ -24,7 +24,9 @@ struct guard_times {
 
   /// Times by length, so that quantiles need no memory that could run out under the guard: eight bins from each power of two to
   /// the next, from 2^-7 to 32 ms, one below and one for all that is longer.
-  static constexpr int per_octave = 8, octaves = 12, bins = 2 + per_octave * octaves;
+  static constexpr int per_octave = 8;
+  static constexpr int octaves = 12;                     ///< powers of two that have bins
+  static constexpr int bins = 2 + per_octave * octaves;  ///< all of them
   std::uint32_t times[bins] = {};  ///< how often, by bin
 
   /// It was held once more. \param commits  to apply what creation or fusion found
