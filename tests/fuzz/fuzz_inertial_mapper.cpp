@@ -13,27 +13,14 @@
 #include "hostile_inertial.hpp"
 #include "mapper_world.hpp"
 #include "scenes/inertial_motion.hpp"
+#include "scenes/mirrored_map.hpp"
 
 using namespace turbomap_fuzz;
 
 namespace {
 
 using direct = turbomap_test::mapped_inertial;
-struct mirrored : direct {
-  using direct::direct;
-};
-
-}  // namespace
-
-template <>
-struct turbomap::map_traits<mirrored> : turbomap::map_traits<direct> {
-  static constexpr bool mirrored = true;
-};
-template <>
-struct turbomap::inertial_traits<mirrored> : turbomap::inertial_traits<direct> {};
-
-namespace {
-
+using mirrored = turbomap_test::mirrored_map<direct>;
 using policy = std::decay_t<decltype(thrust::seq)>;
 template <class Map>
 using run_on = turbomap_test::inertial_mapping<Map, policy>;

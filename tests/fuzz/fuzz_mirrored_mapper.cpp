@@ -7,25 +7,14 @@
 #include <thrust/execution_policy.h>
 
 #include "mapper_world.hpp"
+#include "scenes/mirrored_map.hpp"
 
 using namespace turbomap_fuzz;
 
 namespace {
 
 using flat = turbomap::simple_map<turbomap::binary_descriptor<256>, turbomap_test::pinhole_camera>;
-struct mirrored : flat {
-  using flat::flat;
-};
-
-}  // namespace
-
-template <>
-struct turbomap::map_traits<mirrored> : turbomap::map_traits<flat> {
-  static constexpr bool mirrored = true;
-};
-
-namespace {
-
+using mirrored = turbomap_test::mirrored_map<flat>;
 using policy = std::decay_t<decltype(thrust::seq)>;
 template <class Map>
 using run_on = turbomap_test::mapping_run<Map, policy, turbomap::local_adjustment<Map, policy>>;

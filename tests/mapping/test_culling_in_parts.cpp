@@ -53,9 +53,7 @@ struct parted_map : watched_map<turbomap::binary_descriptor<256>> {
 };
 
 /// The same map, of which the stage works on a copy.
-struct mirrored_parted_map : parted_map {
-  using parted_map::parted_map;
-};
+using mirrored_parted_map = mirrored_map<parted_map>;
 
 /// Observations of a parted_map cannot be taken away, from call `n` on.
 struct broken_writes_after {
@@ -83,10 +81,6 @@ struct turbomap::map_traits<turbomap_test::parted_map>
     base::erase_observation(m, p, k, i);
     m.most_taken = std::max(m.most_taken, ++m.taken);
   }
-};
-template <>
-struct turbomap::map_traits<turbomap_test::mirrored_parted_map> : turbomap::map_traits<turbomap_test::parted_map> {
-  static constexpr bool mirrored = true;
 };
 
 namespace {

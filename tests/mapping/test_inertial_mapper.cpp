@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "inertial_mapper_cases.hpp"
+#include "scenes/mirrored_map.hpp"
 #include "support/policies.hpp"
 
 namespace {
@@ -28,20 +29,7 @@ using turbomap::preintegration;
 using turbomap::vec3;
 using inertial_map = mapped_inertial;
 /// The same map, of which the mapper works on a copy.
-struct mirrored_inertial_map : inertial_map {
-  using inertial_map::inertial_map;
-};
-
-}  // namespace
-
-template <>
-struct turbomap::map_traits<mirrored_inertial_map> : turbomap::map_traits<inertial_map> {
-  static constexpr bool mirrored = true;
-};
-template <>
-struct turbomap::inertial_traits<mirrored_inertial_map> : turbomap::inertial_traits<inertial_map> {};
-
-namespace {
+using mirrored_inertial_map = mirrored_map<inertial_map>;
 
 TEST_CASE("keyframes are culled, and the chain of motions stays whole: the same bits under two policies") {
   const auto expected = check_chain<inertial_map>(sequential{});

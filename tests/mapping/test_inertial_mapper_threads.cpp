@@ -19,6 +19,7 @@
 
 #include "mapper_threads_cases.hpp"
 #include "scenes/inertial_motion.hpp"
+#include "scenes/mirrored_map.hpp"
 #include "support/policies.hpp"
 
 namespace {
@@ -30,9 +31,7 @@ struct shared_inertial_map : mapped_inertial {
   mutable std::mutex mutex;
 };
 /// The same map, of which the mapper works on a copy.
-struct mirrored_shared_map : shared_inertial_map {
-  using shared_inertial_map::shared_inertial_map;
-};
+using mirrored_shared_map = mirrored_map<shared_inertial_map>;
 
 }  // namespace
 
@@ -44,12 +43,6 @@ struct turbomap::map_traits<shared_inertial_map> : turbomap::map_traits<mapped_i
 };
 template <>
 struct turbomap::inertial_traits<shared_inertial_map> : turbomap::inertial_traits<mapped_inertial> {};
-template <>
-struct turbomap::map_traits<mirrored_shared_map> : turbomap::map_traits<shared_inertial_map> {
-  static constexpr bool mirrored = true;
-};
-template <>
-struct turbomap::inertial_traits<mirrored_shared_map> : turbomap::inertial_traits<mapped_inertial> {};
 
 namespace {
 

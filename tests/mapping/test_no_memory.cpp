@@ -10,27 +10,14 @@
 
 #include "inertial_mapper_cases.hpp"
 #include "no_memory_cases.hpp"
+#include "scenes/mirrored_map.hpp"
 #include "support/counted_new.hpp"
-
-namespace turbomap_test {
-
-/// Flat, and mirrored all the same.
-struct mirrored_flat : mapped_by<pinhole_camera> {
-  using mapped_by<pinhole_camera>::mapped_by;
-};
-
-}  // namespace turbomap_test
-
-template <>
-struct turbomap::map_traits<turbomap_test::mirrored_flat>
-    : turbomap::map_traits<turbomap_test::mapped_by<turbomap_test::pinhole_camera>> {
-  static constexpr bool mirrored = true;
-};
 
 namespace {
 
 using namespace turbomap_test;
 using flat = mapped_by<pinhole_camera>;
+using mirrored_flat = mirrored_map<flat>;  // and mirrored all the same
 template <class Map>
 using adjusted_run = mapping_run<Map, sequential_policy, turbomap::local_adjustment<Map, sequential_policy>>;
 

@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "matching_rigs.hpp"
+#include "mirrored_map.hpp"
 
 namespace turbomap_test {
 
@@ -78,9 +79,7 @@ struct watched_map : turbomap::simple_map<Descriptor, pinhole_camera> {
 };
 
 /// The same map, of which the mapper works on a copy.
-struct mirrored_watched_map : watched_map<turbomap::binary_descriptor<256>> {
-  using watched_map<turbomap::binary_descriptor<256>>::watched_map;
-};
+using mirrored_watched_map = mirrored_map<watched_map<turbomap::binary_descriptor<256>>>;
 
 }  // namespace turbomap_test
 
@@ -128,10 +127,4 @@ struct turbomap::map_traits<turbomap_test::watched_map<Descriptor>>
     m.watch.used(), base::erase_observation(m, p, k, i);
   }
   static void retire(map& m, point p, point replacement) { m.watch.used(), base::retire(m, p, replacement); }
-};
-
-template <>
-struct turbomap::map_traits<turbomap_test::mirrored_watched_map>
-    : turbomap::map_traits<turbomap_test::watched_map<turbomap::binary_descriptor<256>>> {
-  static constexpr bool mirrored = true;
 };
