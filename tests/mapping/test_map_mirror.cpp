@@ -528,6 +528,27 @@ TEST_CASE("a point that is reported when another has its place in the user's map
   CHECK(traits::alive(mirror, mirror.number(other)));
 }
 
+TEST_CASE("many points are reported whose places others have already: all of them are read anew") {
+  using traits = turbomap::map_traits<turbomap::map_mirror<flat_map>>;
+  flat_map map;
+  turbomap::map_mirror<flat_map> mirror(map);
+  std::vector<turbomap::keypoint> keypoints(20, make_keypoint(0));
+  const auto k = insert_keyframe(map, keypoints, 0, {});
+  std::vector<turbomap::map_point_id> erased;
+  std::vector<decltype(mirror.number(erased[0]))> mine;
+  for (std::size_t i = 0; i < keypoints.size(); ++i) {
+    erased.push_back(map.add_point({1, 2, 3}, k));
+    REQUIRE(turbomap::observe(map, erased[i], k, i));
+    mine.push_back(mirror.number(erased[i]));
+    REQUIRE(traits::alive(mirror, mine[i]));
+  }
+  for (const auto p : erased) turbomap::erase_point(map, p);
+  for (std::size_t i = 0; i < erased.size(); ++i) map.add_point({1, 2, 3}, k);
+  for (const auto p : erased) mirror.changed(p);
+  mirror.hear();
+  for (const auto p : mine) CHECK_FALSE(traits::alive(mirror, p));
+}
+
 TEST_CASE("who reports may hold the lock of the object") {
   furnished f(3);
   pointer_keyframe& k = f.m.objects.keyframes[0];

@@ -70,7 +70,6 @@ class map_mirror {
     copy_.points.clear();
     copy_.keyframes.clear();
     sample_.reset();
-    lost_.clear();
     reports_.take();
   }
   /// Before a keyframe is processed: numbers of merged points are free again, names of what is gone are let go, and what was
@@ -85,15 +84,15 @@ class map_mirror {
     const auto reported = reports_.take();
     try {
       if (reported.all) copy_.forget_all();
+      list_of<user_point> lost;  // dead points that the mirror does not know by their id
       for (const user_point& p : reported.points) {
         const point known = number(p);
         if (known.index == map_copy<Map>::gone)
-          lost_.push_back(p);
+          lost.push_back(p);
         else
           forget(known);
       }
-      if (!lost_.empty()) forget_named();
-      lost_.clear();
+      if (!lost.empty()) forget_named(lost);
       for (const user_keyframe& k : reported.keyframes) read_again(number(k));
     } catch (...) {
       refresh();
@@ -140,16 +139,15 @@ class map_mirror {
  private:
   /// Points that are dead are found by their id. A handle may not tell it any more: another point has its place in the user's
   /// map. Then its name is looked for among all; where many are reported so, to read everything anew costs less.
-  void forget_named() {
-    if (lost_.size() > 16) return copy_.forget_all();
+  void forget_named(span<const user_point> lost) {
+    if (lost.size() > 16) return copy_.forget_all();
     auto& points = copy_.points;
     for (std::size_t p = 1; p < points.size(); ++p)
-      for (const user_point& name : lost_)
+      for (const user_point& name : lost)
         if (points.names[p] == name) points.entries[p].read = 0;
   }
 
   mutable map_copy<Map> copy_;
-  list_of<user_point> lost_;  ///< reported points that are dead, of which the mirror does not know by their id
   mirror_sample<Map> sample_;
   mutable mirror_reports<Map> reports_;
 };

@@ -68,9 +68,9 @@ struct creation_options {
   /// Tracks: a point is seen by so many keyframes at least. 1: the cameras of one rig suffice, which gives the most exact
   /// trajectories. 2 where things look alike side by side, and lookalike_ratio is not enough. Measured: docs/matching.md.
   int fewest_keyframes = 1;
-  /// Tracks, a ratio test [Lowe]: where two cameras of one keyframe are all that is left, their descriptors must be nearer than so many times those of
-  /// either keypoint and any other that the other camera may see its landmark at; 0: nobody asks. 0.8: as ratio_test. What looks
-  /// alike side by side has no third view that contradicts. Measured: docs/matching.md.
+  /// Tracks, a ratio test [Lowe]: where two cameras of one keyframe are all that is left, their descriptors must be nearer than so
+  /// many times those of either keypoint and any other that the other camera may see its landmark at; 0: nobody asks. 0.8: as
+  /// ratio_test. What looks alike side by side has no third view that contradicts. Measured: docs/matching.md.
   double lookalike_ratio = 0.8;
   double stereo_correlation = 0;  ///< tracks: of the errors of u and u_right, in [0, 1); weighs rows of u_right
 };

@@ -50,11 +50,7 @@ struct known_landmark {
       const auto& keyframe = self.tracks.search.keyframes[v.keyframe];
       const int apart = keyframe.octave[v.keypoint] - keyframe.octave[keypoint];
       if (apart > self.tracks.options.known_octaves || -apart > self.tracks.options.known_octaves) return false;
-      const auto a = cast<decision>(keyframe.pixel[v.keypoint]), b = cast<decision>(keyframe.pixel[keypoint]);
-      const decision dx = a.x - b.x, dy = a.y - b.y;
-      const float* sigma2 = self.tracks.search.sigma2;
-      const decision both = decision(sigma2[keyframe.octave[v.keypoint]]) + decision(sigma2[keyframe.octave[keypoint]]);
-      return dx * dx + dy * dy <= decision(self.tracks.options.known_chi2) * both && found(point);
+      return are_beside(self.tracks, keyframe, v.keypoint, keypoint) && found(point);
     }
   };
   struct is_point {

@@ -33,7 +33,7 @@ struct lookalike {
   }
 
  private:
-  /// Whether the camera of `match` has another keypoint that is as good for `view`.
+  /// Whether the camera of `match` has another keypoint that is as good for `view`. The same corner in another octave is no rival.
   TURBOMAP_HD bool has_rival(const track_view& view, const track_view& match, int first, int stride) const {
     const auto& keyframe = tracks.search.keyframes[view.keyframe];
     const auto& T_cw = tracks.search.T_cw[view.keyframe];
@@ -47,17 +47,9 @@ struct lookalike {
     const query_epipolar q = make_query_epipolar(g, keyframe, view.keypoint);
     for (int k = first; k < keyframe.keypoint_count; k += stride)
       if (k != match.keypoint && keyframe.camera_of(k) == match.camera && !(distance < ratio * distance_to(k)) &&
-          !is_beside(keyframe, k, match.keypoint) && may_match(g, q, keyframe, view.keypoint, k))
+          !are_beside(tracks, keyframe, k, match.keypoint) && may_match(g, q, keyframe, view.keypoint, k))
         return true;
     return false;
-  }
-  /// Detectors find one corner in several octaves: no rival.
-  TURBOMAP_HD bool is_beside(const keyframe_view<Descriptor, Camera>& keyframe, int a, int b) const {
-    const auto p = cast<decision>(keyframe.pixel[a]), q = cast<decision>(keyframe.pixel[b]);
-    const decision dx = p.x - q.x, dy = p.y - q.y;
-    const float* sigma2 = tracks.search.sigma2;
-    const decision both = decision(sigma2[keyframe.octave[a]]) + decision(sigma2[keyframe.octave[b]]);
-    return dx * dx + dy * dy <= decision(tracks.options.known_chi2) * both;
   }
   /// As in the search, but for rays that are nearly parallel.
   TURBOMAP_HD bool may_match(const pair_geometry& g, const query_epipolar& q,

@@ -49,6 +49,17 @@ struct track_creation_view {
   created_track* points;                  ///< of each track
 };
 
+/// Whether two keypoints of a keyframe may be of one corner: detectors find it in several octaves. options.known_chi2
+template <class Descriptor, class Camera>
+TURBOMAP_HD bool are_beside(const track_creation_view<Descriptor, Camera>& tracks,
+                            const keyframe_view<Descriptor, Camera>& keyframe, int a, int b) {
+  const auto p = cast<decision>(keyframe.pixel[a]), q = cast<decision>(keyframe.pixel[b]);
+  const decision dx = p.x - q.x, dy = p.y - q.y;
+  const float* sigma2 = tracks.search.sigma2;
+  const decision both = decision(sigma2[keyframe.octave[a]]) + decision(sigma2[keyframe.octave[b]]);
+  return dx * dx + dy * dy <= decision(tracks.options.known_chi2) * both;
+}
+
 /// Index = keyframe * cameras + camera.
 template <class Descriptor, class Camera>
 struct place_camera {
