@@ -313,6 +313,18 @@ class local_mapper {
     progress_.run(s, report_, hooks_, [&] { (this->*run)(current, scope_of(s)); });
   }
 
+  /// work(), then note() what it did: also where it throws, since what it wrote before stays in the map.
+  template <class Work, class Note>
+  static void noted(Work work, Note note) {
+    try {
+      work();
+    } catch (...) {
+      note();
+      throw;
+    }
+    note();
+  }
+
   // ---- the stages, in their order ----
 
   void update_associated(stage_keyframe current, const scope& s) {
@@ -356,13 +368,7 @@ class local_mapper {
         due_.changed(creation_.due());
         probation_.watch(creation_.created(), iteration_);
       };
-      try {
-        creation_(s, search_, options_.creation, appearance());
-      } catch (...) {
-        note();
-        throw;
-      }
-      note();
+      noted([&] { creation_(s, search_, options_.creation, appearance()); }, note);
       if (!due_.empty()) report_.points_updated += due_.update(s, appearance());  // fusion reads it
     });
   }
@@ -373,17 +379,11 @@ class local_mapper {
   }
   /// What was applied is reported, and its appearance is due, also where a later part throws.
   void fuse_with_targets(stage_keyframe current, const scope& s) {
-    const auto note = [this] {
-      report_.fused += fusion_.done();
-      due_.changed(fusion_.touched());
-    };
-    try {
-      fusion_.fuse(s, current, detail::fusion_of(options_), progress_);
-    } catch (...) {
-      note();
-      throw;
-    }
-    note();
+    noted([&] { fusion_.fuse(s, current, detail::fusion_of(options_), progress_); },
+          [this] {
+            report_.fused += fusion_.done();
+            due_.changed(fusion_.touched());
+          });
   }
 
   void adjust(stage_keyframe current, const scope& s) {
@@ -428,13 +428,7 @@ class local_mapper {
 
   /// Points that lost a view are due also where a later part throws.
   void cull(stage_keyframe current, const scope& s) {
-    try {
-      cull_covisible(current, s);
-    } catch (...) {
-      due_.changed(culling_.touched());
-      throw;
-    }
-    due_.changed(culling_.touched());
+    noted([&] { cull_covisible(current, s); }, [this] { due_.changed(culling_.touched()); });
   }
   /// Of a keyframe that leaves the map: its successor's begins earlier. Without an IMU there is none.
   void merge_motion([[maybe_unused]] const stage_keyframe& leaving) {
