@@ -130,8 +130,8 @@ int main(int argc, char** argv) try {
   const std::string door = data == nullptr ? "" : std::string(data) + "/lund-door";
   if (data == nullptr || !std::filesystem::exists(door)) {
     const auto views = example::render_views();
-    cv::imwrite("one.png", views[0].image),
-        cv::imwrite("two.png", views[1].image);  // to try with as photographs of one's own
+    cv::imwrite("one.png", views[0].image);  // both can be given as photographs of one's own
+    cv::imwrite("two.png", views[1].image);
     return run(views, true);
   }
   return run(example::read_views({door + "/images/DSC_0005.JPG", door + "/images/DSC_0007.JPG"},

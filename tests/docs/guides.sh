@@ -24,7 +24,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 mapfile -t pages < <(grep -l '^ *<!-- typed' docs/*.md)
 [ $# = 0 ] || pages=("$@")
 
-work=$(mktemp -d "$root/tmp/guides.XXXXXX")  # kept where a command failed
+work=$(mktemp -d -p "$root/tmp")  # kept where a command failed
 inside=${work#"$root"}
 git init -q --bare -b main "$work/address"
 git push -q "$work/address" HEAD:refs/heads/main
