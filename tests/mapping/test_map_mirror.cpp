@@ -37,12 +37,13 @@ struct pointer_holder {
   pointer_map objects;
 };
 /// A map of pointers, edited through its mirror.
-struct mirrored_map : pointer_holder, turbomap::map_mirror<pointer_map> {
-  mirrored_map() : map_mirror(objects) {}
+struct mirrored_pointer_map : pointer_holder, turbomap::map_mirror<pointer_map> {
+  mirrored_pointer_map() : map_mirror(objects) {}
 };
 
-inline turbomap::map_keyframe_id insert_keyframe(mirrored_map& map, const std::vector<turbomap::keypoint>& keypoints,
-                                                 double time_s, turbomap::map_keyframe_id) {
+inline turbomap::map_keyframe_id insert_keyframe(mirrored_pointer_map& map,
+                                                 const std::vector<turbomap::keypoint>& keypoints, double time_s,
+                                                 turbomap::map_keyframe_id) {
   return map.number(insert_keyframe(map.objects, keypoints, time_s, nullptr));
 }
 
@@ -81,18 +82,18 @@ struct turbomap::map_traits<turbomap_test::slotless_map> : turbomap::map_traits<
 };
 
 template <>
-struct turbomap::map_traits<turbomap_test::mirrored_map>
+struct turbomap::map_traits<turbomap_test::mirrored_pointer_map>
     : turbomap::map_traits<turbomap::map_mirror<turbomap_test::pointer_map>> {};
 
 namespace {
 
 using namespace turbomap_test;
-using traits = turbomap::map_traits<mirrored_map>;
+using traits = turbomap::map_traits<mirrored_pointer_map>;
 using user_traits = turbomap::map_traits<pointer_map>;
 
 /// Half of the edits are made by others, on the map itself, and reported: sometimes by the point, sometimes by the keyframe.
 struct reported_edits : library_edits {
-  static bool observe(mirrored_map& m, turbomap::map_point_id p, turbomap::map_keyframe_id k, std::size_t i) {
+  static bool observe(mirrored_pointer_map& m, turbomap::map_point_id p, turbomap::map_keyframe_id k, std::size_t i) {
     if (i % 2 == 0) return turbomap::observe(m, p, k, i);
     const bool made = turbomap::observe(m.objects, m.name(p), m.name(k), i);
     if (i % 3 == 0)
@@ -102,7 +103,7 @@ struct reported_edits : library_edits {
     m.hear();
     return made;
   }
-  static turbomap::map_point_id forget(mirrored_map& m, turbomap::map_keyframe_id k, std::size_t i) {
+  static turbomap::map_point_id forget(mirrored_pointer_map& m, turbomap::map_keyframe_id k, std::size_t i) {
     if (i % 2 == 0) return turbomap::forget(m, k, i);
     const auto p = traits::point_at(m, k, i);
     turbomap::forget(m.objects, m.name(k), i);
@@ -115,7 +116,7 @@ struct reported_edits : library_edits {
     return p;
   }
   template <class S>
-  static bool merge(mirrored_map& m, turbomap::map_point_id from, turbomap::map_point_id into,
+  static bool merge(mirrored_pointer_map& m, turbomap::map_point_id from, turbomap::map_point_id into,
                     const turbomap::fusion_commit_options& o, S& scratch) {
     if (from.index % 2 == 0) return turbomap::merge_points(m, from, into, o.merges, scratch, o.tolerance);
     std::vector<std::pair<pointer_keyframe*, std::size_t>> views;
@@ -129,24 +130,24 @@ struct reported_edits : library_edits {
 
 /// After each edit, the measurements that the mirror keeps of a point are those of the map.
 struct counted_edits : reported_edits {
-  static void check(const mirrored_map& m, turbomap::map_point_id p) {
+  static void check(const mirrored_pointer_map& m, turbomap::map_point_id p) {
     if (!traits::alive(m, p)) return;
     const int kept = turbomap::measurement_count(m, p), truth = turbomap::measurement_count(m.objects, m.name(p));
     if (kept != truth) FAIL("the mirror keeps " << kept << " measurements of " << truth);
     if (turbomap::has_more_measurements(m, p, truth)) FAIL("more measurements than there are");
   }
-  static bool observe(mirrored_map& m, turbomap::map_point_id p, turbomap::map_keyframe_id k, std::size_t i) {
+  static bool observe(mirrored_pointer_map& m, turbomap::map_point_id p, turbomap::map_keyframe_id k, std::size_t i) {
     const bool made = reported_edits::observe(m, p, k, i);
     check(m, p);
     return made;
   }
-  static turbomap::map_point_id forget(mirrored_map& m, turbomap::map_keyframe_id k, std::size_t i) {
+  static turbomap::map_point_id forget(mirrored_pointer_map& m, turbomap::map_keyframe_id k, std::size_t i) {
     const auto p = reported_edits::forget(m, k, i);
     check(m, p);
     return p;
   }
   template <class S>
-  static bool merge(mirrored_map& m, turbomap::map_point_id from, turbomap::map_point_id into,
+  static bool merge(mirrored_pointer_map& m, turbomap::map_point_id from, turbomap::map_point_id into,
                     const turbomap::fusion_commit_options& o, S& scratch) {
     const bool made = reported_edits::merge(m, from, into, o, scratch);
     check(m, from), check(m, into);
@@ -160,7 +161,8 @@ void check_edits(std::size_t worlds) {
     world_options o;
     o.cameras = std::array{1, 2, 4}[n % 3], o.levels = std::array{8, 8, 1, 3}[n % 4];
     o.keypoints_per_camera = std::array{24, 14, 9}[n % 3];
-    const auto failure = run_edits<mirrored_map, Edits>(random_edits(static_cast<std::uint32_t>(n + 1), 5000), o, 1000);
+    const auto failure =
+        run_edits<mirrored_pointer_map, Edits>(random_edits(static_cast<std::uint32_t>(n + 1), 5000), o, 1000);
     CAPTURE(n);
     INFO((failure ? std::to_string(failure->edit) + ": " + failure->what : std::string()));
     REQUIRE(!failure);
@@ -185,7 +187,7 @@ std::vector<turbomap::map_violation> faults_of(const pointer_map& map) {
 }
 
 /// How many points and slots differ.
-std::size_t differences(const mirrored_map& m) {
+std::size_t differences(const mirrored_pointer_map& m) {
   std::size_t count = 0;
   for (const pointer_point& object : m.objects.points) {
     auto* const p = const_cast<pointer_point*>(&object);
@@ -212,7 +214,7 @@ std::size_t differences(const mirrored_map& m) {
 
 /// Keyframes, points, and observations of them, made through the mirror.
 struct furnished {
-  mirrored_map m;
+  mirrored_pointer_map m;
   std::mt19937 random;
   bool edits_before_commit = true;  ///< and reports nothing
 
@@ -302,7 +304,7 @@ struct furnished {
     for (int n = 0; n < 6; ++n)
       plan.push_back({static_cast<std::int32_t>(draw(3)), 0, static_cast<std::int32_t>(draw(6)),
                       static_cast<std::int32_t>(draw(40)), 1});
-    turbomap::fusion_commit<mirrored_map> fusion;
+    turbomap::fusion_commit<mirrored_pointer_map> fusion;
     fusion(m, turbomap::span<const turbomap::duplicate<std::int32_t>>(plan),
            turbomap::span<const turbomap::map_keyframe_id>(targets),
            turbomap::span<const turbomap::map_point_id>(points));
@@ -334,7 +336,7 @@ TEST_CASE("what nobody reports: commits leave a sound map, and the sample check 
 }
 
 TEST_CASE("an unreported change of a reference is seen before its keyframe goes") {
-  mirrored_map m;
+  mirrored_pointer_map m;
   for (std::uint32_t k = 0; k < 4; ++k) turbomap_test::insert_keyframe(m, random_keypoints(k, 1, 8, 20), k, {});
   const auto keyframe = [&](std::size_t k) { return m.number(&m.objects.keyframes[k]); };
   const auto p = traits::add_point(m, {1, 2, 3}, keyframe(0));
@@ -381,7 +383,7 @@ TEST_CASE("a name that throws where its point is gone is not asked for the objec
 TEST_CASE(
     "of a point that is to be erased every slot is looked at again, also in a keyframe that was found alive for "
     "another") {
-  mirrored_map m;
+  mirrored_pointer_map m;
   turbomap_test::insert_keyframe(m, random_keypoints(1, 1, 8, 20), 0, {});
   auto& keyframe = m.objects.keyframes[0];
   std::vector<turbomap::recent_point<turbomap::map_point_id>> recent;
