@@ -93,6 +93,15 @@ void check_same(const C& model, int index) {
     } else {
       CHECK_FALSE(camera.jacobian(p, e));
     }
+    vec2<S> at_once{0, 0};
+    mat23<S> with{};
+    if constexpr (has_project_with_jacobian_v<C>) {
+      CHECK(camera.project_with_jacobian(p, at_once, with) == model.project(p, b));
+      CHECK(same(at_once, b));
+      CHECK(same(with, f));
+    } else {
+      CHECK_FALSE(camera.project_with_jacobian(p, at_once, with));
+    }
   }
   const image_bounds image{0, 0, 640, 480};
   CHECK(camera.min_pixels_per_radian(image) == min_pixels_per_radian(model, image));
@@ -135,6 +144,7 @@ TEST_CASE("the camera concept: a user's own model, and what is missing") {
   static_assert(is_camera_v<equidistant> && require_camera<equidistant>());
   static_assert(!is_camera_v<int> && !is_camera_v<not_a_camera>);
   static_assert(has_jacobian_v<pinhole<float>> && !has_jacobian_v<equidistant>);
+  static_assert(has_project_with_jacobian_v<kannala_brandt<float>> && !has_project_with_jacobian_v<equidistant>);
   pinhole<double> h{};
   CHECK_FALSE(as_pinhole(equidistant{300}, h));
   CHECK(min_pixels_per_radian(equidistant{300}, image_bounds{0, 0, 640, 480}) == 0);
@@ -183,14 +193,17 @@ struct answers {
   vec3<strict<double>> ray;
   vec2<strict<double>> pixel;
   mat23<strict<double>> jacobian;
+  vec2<strict<double>> pixel_at_once;
+  mat23<strict<double>> jacobian_at_once;
   std::int64_t defined;  // 64 bits: no padding, which a memory checker would find in the copy to the host
 };
-static_assert(sizeof(answers) == 12 * sizeof(double));
+static_assert(sizeof(answers) == 20 * sizeof(double));
 TURBOMAP_HD answers ask(const mixed& camera, double u, double v) {
   answers r{};
   r.defined = camera.unproject(vec2<strict<double>>{u, v}, r.ray) ? 1 : 0;
   r.defined += camera.project(r.ray, r.pixel) ? 2 : 0;
   r.defined += camera.jacobian(r.ray, r.jacobian) ? 4 : 0;
+  r.defined += camera.project_with_jacobian(r.ray, r.pixel_at_once, r.jacobian_at_once) ? 8 : 0;
   return r;
 }
 // The pixels are exact, fused or not.

@@ -80,6 +80,11 @@ class any_camera {
   TURBOMAP_HD bool jacobian(const vec3<S>& point, mat23<S>& d_pixel_d_point) const {
     return jacobian_as<0>(point, d_pixel_d_point);
   }
+  /// False also when the model that it holds does not compute both at once.
+  template <class S, class = detail::this_target>
+  TURBOMAP_HD bool project_with_jacobian(const vec3<S>& point, vec2<S>& pixel, mat23<S>& d_pixel_d_point) const {
+    return project_with_jacobian_as<0>(point, pixel, d_pixel_d_point);
+  }
   /// True, and the pinhole set, where the model is one.
   TURBOMAP_HD bool as_pinhole(pinhole<double>& equivalent) const { return as_pinhole_as<0>(equivalent); }
   /// The least resolution within the bounds.
@@ -123,6 +128,15 @@ class any_camera {
     if constexpr (I < count) {
       if (index_ != I) return jacobian_as<I + 1>(point, d_pixel_d_point);
       if constexpr (has_jacobian_v<model<I>>) return held<I>().jacobian(point, d_pixel_d_point);
+    }
+    return false;
+  }
+  template <int I, class S, class = detail::this_target>
+  TURBOMAP_HD bool project_with_jacobian_as(const vec3<S>& point, vec2<S>& pixel, mat23<S>& d_pixel_d_point) const {
+    if constexpr (I < count) {
+      if (index_ != I) return project_with_jacobian_as<I + 1>(point, pixel, d_pixel_d_point);
+      if constexpr (has_project_with_jacobian_v<model<I>>)
+        return held<I>().project_with_jacobian(point, pixel, d_pixel_d_point);
     }
     return false;
   }

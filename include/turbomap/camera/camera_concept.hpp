@@ -12,6 +12,9 @@
 ///       template <class S> TURBOMAP_HD bool project(const vec3<S>& point, vec2<S>& pixel) const;     // required
 ///       template <class S> TURBOMAP_HD bool unproject(const vec2<S>& pixel, vec3<S>& bearing) const; // required
 ///       template <class S> TURBOMAP_HD bool jacobian(const vec3<S>& point, mat23<S>& derivative) const; // optional
+///       template <class S>                                                                           // both of them, to the bit:
+///       TURBOMAP_HD bool project_with_jacobian(const vec3<S>& point, vec2<S>& pixel,                 // optional, where they
+///                                              mat23<S>& derivative) const;                          // share their work
 ///       TURBOMAP_HD bool as_pinhole(pinhole<double>& equivalent) const;                              // optional
 ///       double min_pixels_per_radian(const image_bounds& bounds) const;                              // optional, host
 ///       void validate() const;                                                                       // optional, host
@@ -59,6 +62,13 @@ template <class C>
 struct has_jacobian<C, std::void_t<decltype(std::declval<const C&>().jacobian(
                            std::declval<const vec3<double>&>(), std::declval<mat23<double>&>()))>> : std::true_type {};
 template <class C, class = void>
+struct has_project_with_jacobian : std::false_type {};
+template <class C>
+struct has_project_with_jacobian<
+    C, std::void_t<decltype(std::declval<const C&>().project_with_jacobian(
+           std::declval<const vec3<double>&>(), std::declval<vec2<double>&>(), std::declval<mat23<double>&>()))>>
+    : std::true_type {};
+template <class C, class = void>
 struct has_as_pinhole : std::false_type {};
 template <class C>
 struct has_as_pinhole<C, std::void_t<decltype(std::declval<const C&>().as_pinhole(std::declval<pinhole<double>&>()))>>
@@ -89,6 +99,9 @@ inline constexpr bool is_camera_v = std::is_trivially_copyable_v<C>&& detail::ha
 /// True when the model brings its own derivative; without it, dual numbers go through project().
 template <class C>
 inline constexpr bool has_jacobian_v = detail::has_jacobian<C>::value;
+/// True when it computes a pixel and its derivative in one go.
+template <class C>
+inline constexpr bool has_project_with_jacobian_v = detail::has_project_with_jacobian<C>::value;
 
 /// Explains in words what a type lacks to be a camera model: `static_assert(require_camera<C>());`.
 template <class C>

@@ -75,11 +75,18 @@ struct kannala_brandt {
   TURBOMAP_HD bool jacobian(const vec3<S>& point, mat23<S>& d_pixel_d_point) const {
     S scale, slope, r2;
     if (!radial(point, scale, slope, r2)) return false;
-    const S x = point.x, y = point.y, along = slope / (r2 + point.z * point.z);
-    // scale = theta_d / r depends on x, y through r alone: d scale / dx = x * curve.
-    const S curve = r2 > S(0) ? (along * point.z - scale) / r2 : S(0);
-    d_pixel_d_point = {{S(fx) * (scale + x * x * curve), S(fx) * (x * y * curve), -(S(fx) * (x * along)),
-                        S(fy) * (x * y * curve), S(fy) * (scale + y * y * curve), -(S(fy) * (y * along))}};
+    d_pixel_d_point = derivative(point, scale, slope, r2);
+    return true;
+  }
+
+  /// Both at once: the angle, which takes longest, is computed once.
+  template <class S, class = detail::this_target>
+  TURBOMAP_HD bool project_with_jacobian(const vec3<S>& point, vec2<S>& pixel, mat23<S>& d_pixel_d_point) const {
+    S scale, slope, r2;
+    if (!radial(point, scale, slope, r2)) return false;
+    if (!detail::store_pixel<S>(S(fx) * (scale * point.x) + S(cx), S(fy) * (scale * point.y) + S(cy), pixel))
+      return false;
+    d_pixel_d_point = derivative(point, scale, slope, r2);
     return true;
   }
 
@@ -120,6 +127,16 @@ struct kannala_brandt {
   template <class S, class = detail::this_target>
   TURBOMAP_HD detail::radial_polynomial<S> polynomial() const {
     return {S(k1), S(k2), S(k3), S(k4)};
+  }
+
+  /// Of the pixel by the point, from what radial() says of it.
+  template <class S, class = detail::this_target>
+  TURBOMAP_HD mat23<S> derivative(const vec3<S>& point, const S& scale, const S& slope, const S& r2) const {
+    const S x = point.x, y = point.y, along = slope / (r2 + point.z * point.z);
+    // scale = theta_d / r depends on x, y through r alone: d scale / dx = x * curve.
+    const S curve = r2 > S(0) ? (along * point.z - scale) / r2 : S(0);
+    return {{S(fx) * (scale + x * x * curve), S(fx) * (x * y * curve), -(S(fx) * (x * along)), S(fy) * (x * y * curve),
+             S(fy) * (scale + y * y * curve), -(S(fy) * (y * along))}};
   }
 
   /// scale = theta_d / r, slope = d theta_d / d theta, r2 = x^2 + y^2 (0 when too close to the axis to matter).

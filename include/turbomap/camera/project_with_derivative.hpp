@@ -39,6 +39,9 @@ TURBOMAP_HD bool difference_pixels(const Camera& camera, const vec3<S>& p, mat23
 /// dual numbers for S = double, differences for strict numbers. False where the model is not defined.
 template <class Camera, class S>
 TURBOMAP_HD bool project_with_derivative(const Camera& camera, const vec3<S>& p, vec2<S>& pixel, mat23<S>& d) {
+  if constexpr (has_project_with_jacobian_v<Camera>) {
+    if (camera.project_with_jacobian(p, pixel, d)) return true;
+  }
   if (!camera.project(p, pixel)) return false;
   if constexpr (has_jacobian_v<Camera>) {
     if (camera.jacobian(p, d)) return true;

@@ -12,6 +12,7 @@
 #include "../camera/point_uncertainty.hpp"
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../prefetch.hpp"
 #include "begin_track.hpp"
 #include "create_point.hpp"
 #include "fit_track.hpp"
@@ -27,8 +28,10 @@ template <class Descriptor, class Camera, class Workers = detail::one_worker>
 struct create_track {
   track_creation_view<Descriptor, Camera> tracks;  ///< the tracks
 
-  /// Makes the point of track t by one thread.
-  TURBOMAP_HD void operator()(int t) const {
+  /// Makes the point of track t by one thread of the host, and asks memory for what a later one is made of.
+  void operator()(int t) const {
+    constexpr int ahead = 4;
+    if (t + ahead < tracks.track_count) prefetch(t + ahead);
     detail::view_fit fit;
     make(t, {&fit});
   }
@@ -38,6 +41,7 @@ struct create_track {
     p.method = creation_method::none;
     const views_type views{tracks, tracks.offsets[t], tracks.offsets[t + 1]};
     p.views = views.end - views.begin;
+    views.keep(workers);
     if (!views.enough_keyframes()) {  // all workers say the same
       p.outcome = creation_outcome::too_few_keyframes;
     } else {
@@ -55,6 +59,17 @@ struct create_track {
  private:
   using views_type = detail::track_views<Descriptor, Camera>;
 
+  /// What the views of track t are measured by, and compared with.
+  void prefetch(int t) const {
+    for (int i = tracks.offsets[t]; i < tracks.offsets[t + 1]; ++i) {
+      const track_view& v = tracks.views[i];
+      const auto& keyframe = tracks.search.keyframes[v.keyframe];
+      prefetch_line(keyframe.pixel + v.keypoint), prefetch_line(keyframe.octave + v.keypoint);
+      prefetch_line(keyframe.bearing + v.keypoint);
+      if (keyframe.u_right != nullptr) prefetch_line(keyframe.u_right + v.keypoint);
+    }
+  }
+
   /// Of the two views that are left: all workers say the same.
   TURBOMAP_HD bool is_lookalike(const views_type& views, const Workers& workers) const {
     const int a = views.first(), b = views.next(a + 1);
@@ -64,6 +79,7 @@ struct create_track {
   }
   /// One place refines, and there one compares: that is most of a kernel's code.
   TURBOMAP_HD creation_outcome create(const views_type& views, const Workers& workers, created_track& p) const {
+    views.place(workers);
     for (;; --p.views) {
       const bool pair = p.views <= 2;
       vec3<decision> X;

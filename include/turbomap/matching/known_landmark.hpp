@@ -78,9 +78,10 @@ struct known_landmark {
     using std::sqrt;
     const track_view& v = tracks.views[i];
     const auto& keyframe = tracks.search.keyframes[v.keyframe];
-    // The widest that a keypoint of any octave may be away.
-    const decision own(tracks.search.sigma2[keyframe.octave[v.keypoint]]);
-    const decision coarsest(tracks.search.sigma2[tracks.options.scales.levels - 1]);
+    // The widest that a keypoint of an octave that is near enough may be away.
+    const int octave = keyframe.octave[v.keypoint], last = tracks.options.scales.levels - 1;
+    const int coarse = last - octave < tracks.options.known_octaves ? last : octave + tracks.options.known_octaves;
+    const decision own(tracks.search.sigma2[octave]), coarsest(tracks.search.sigma2[coarse]);
     const decision radius = sqrt(decision(tracks.options.known_chi2) * (own + coarsest));
     beside<Found> visit{*this, i, found};
     const vec2<float> pixel = keyframe.pixel[v.keypoint];

@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// Tracks in the memory of their policy, as creation reads them: where each camera stands, and the ray of each view in the world,
-/// computed once.
+/// Tracks in the memory of their policy, as creation reads them: where each camera stands, and room for the ray of each view in
+/// the world, which whoever makes a track's point computes once.
 
 #include <cstdint>
 
@@ -41,10 +41,9 @@ struct track_creation_view {
                                          ///< nobody knows
   const std::int32_t* map_point_offset;  ///< of each keyframe
   int track_count;                       ///< tracks
-  int view_count;                        ///< views of all tracks
   int cameras;                           ///< the most of any keyframe
   detail::placed_camera* placed_cameras;  ///< [keyframe][camera]
-  detail::placed_view* placed_views;      ///< of each view
+  detail::placed_view* placed_views;      ///< of each view of a track that is looked at
   std::uint8_t* kept;                     ///< of each view: whether its track's point is seen there
   created_track* points;                  ///< of each track
 };
@@ -75,29 +74,12 @@ struct place_camera {
   }
 };
 
-/// Index = view.
-template <class Descriptor, class Camera>
-struct place_view {
-  track_creation_view<Descriptor, Camera> tracks;  ///< what is read and written
-
-  /// Measures view i, and takes it for kept.
-  TURBOMAP_HD void operator()(int i) const {
-    const track_view& v = tracks.views[i];
-    const auto& keyframe = tracks.search.keyframes[v.keyframe];
-    detail::placed_view p{detail::look_at(keyframe, v.keypoint, tracks.search.sigma2), {}};
-    const auto& T = tracks.placed_cameras[v.keyframe * tracks.cameras + v.camera].T_cw;
-    p.direction = transpose(T.R) * ((decision(1) / norm(p.seen.ray)) * p.seen.ray);
-    tracks.placed_views[i] = p;
-    tracks.kept[i] = 1;
-  }
-};
-
-/// Poses of all cameras, rays of all views.
+/// Poses of all cameras.
 template <class Derived, class Descriptor, class Camera>
-void launch_place_views(const thrust::execution_policy<Derived>& policy,
-                        const track_creation_view<Descriptor, Camera>& tracks) {
+void launch_place_cameras(const thrust::execution_policy<Derived>& policy,
+                          const track_creation_view<Descriptor, Camera>& tracks) {
   for_each_index(derived(policy), (1 + tracks.search.neighbour_count) * tracks.cameras,
                  place_camera<Descriptor, Camera>{tracks});
-  for_each_index(derived(policy), tracks.view_count, place_view<Descriptor, Camera>{tracks});
 }
+
 TURBOMAP_END_NAMESPACE

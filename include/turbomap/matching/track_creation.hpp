@@ -56,7 +56,6 @@ class track_creation {
     v.search = search;
     v.options = options;
     v.track_count = static_cast<int>(tracks.size());
-    v.view_count = static_cast<int>(tracks.views.size());
     v.cameras = search.query_cameras > search.neighbour_cameras ? search.query_cameras : search.neighbour_cameras;
     const auto placed = static_cast<std::size_t>(1 + search.neighbour_count) * static_cast<std::size_t>(v.cameras);
     points_.resize_discard(0), kept_.resize_discard(0);  // from here on memory may run out
@@ -84,7 +83,7 @@ class track_creation {
     v.kept = kept_.data();
     v.points = points_.data();
     if (v.track_count == 0) return;
-    launch_place_views(ctx.policy(), v);
+    launch_place_cameras(ctx.policy(), v);
     launch_create_tracks(ctx.policy(), v);
   }
 

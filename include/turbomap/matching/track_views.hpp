@@ -21,6 +21,23 @@ struct track_views {
   const track_creation_view<Descriptor, Camera>& tracks;  ///< all of them
   int begin, end;                                         ///< views of this one, those that have left too
 
+  /// Takes all views for kept.
+  template <class Workers>
+  TURBOMAP_HD void keep(const Workers& workers) const {
+    for (int i = begin + workers.number(); i < end; i += Workers::count) tracks.kept[i] = 1;
+    workers.meet();
+  }
+  /// Measures all views.
+  template <class Workers>
+  TURBOMAP_HD void place(const Workers& workers) const {
+    for (int i = begin + workers.number(); i < end; i += Workers::count) {
+      const track_view& v = tracks.views[i];
+      placed_view p{look_at(tracks.search.keyframes[v.keyframe], v.keypoint, tracks.search.sigma2), {}};
+      p.direction = transpose(camera(i).T_cw.R) * ((decision(1) / norm(p.seen.ray)) * p.seen.ray);
+      tracks.placed_views[i] = p;
+    }
+    workers.meet();
+  }
   /// The camera of view i, in the world.
   TURBOMAP_HD const placed_camera& camera(int i) const {
     return tracks.placed_cameras[tracks.views[i].keyframe * tracks.cameras + tracks.views[i].camera];
