@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 // SPDX-License-Identifier: Apache-2.0
 
-// The n-th allocation of device or pinned memory fails, for every n, while keyframes are inserted and mapped on a device; then
-// the n-th launch, copy or wait; then all of them from the n-th on, as when the device is lost. Each time: an exception, a sound
-// map, a store as it was, nothing pinned, and the next call does the work. A device that is really lost: test_lost_device.cu.
+// The n-th allocation of device or pinned memory fails, alone or with all after it, for every n, while keyframes are inserted
+// and mapped on a device; then the n-th launch, copy or wait, and all of them from the n-th on, as when the device is lost.
+// Each time: an exception, a sound map, a store as it was, nothing pinned, and the next call does the work. A device that is
+// really lost: test_lost_device.cu.
 
 #include <cuda_runtime.h>
 
@@ -110,11 +111,39 @@ failures_met failures_on_device(int keyframes) {
   return met;
 }
 
-TEST_CASE("every allocation of device memory may fail") {
+TEST_CASE("every allocation of device memory may fail, and all after it") {
   const auto met = failures_on_device<failure_of<allocations, true>, std::bad_alloc>(10);
   CHECK(met.inserting > 2);
   CHECK(met.processing > 20);
   CHECK(met.adjusted > 5);
+}
+
+/// The allocation of this number fails in the first try of a call, and no other.
+struct single_failure {
+  static inline long number = 0;
+  static inline int met = 0;
+  explicit single_failure(int tries) { allocations = {tries == 0 ? number : -1, false}; }
+  single_failure(const single_failure&) = delete;
+  single_failure& operator=(const single_failure&) = delete;
+  ~single_failure() {
+    met += allocations.failed ? 1 : 0;
+    allocations = {};
+    cudaDeviceSynchronize();
+  }
+};
+
+TEST_CASE("a single allocation of device memory may fail, whichever it is") {
+  int all = 0, noticed = 0;
+  for (single_failure::number = 0;; ++single_failure::number) {
+    CAPTURE(single_failure::number);
+    single_failure::met = 0;
+    const auto met = failures_on_device<single_failure, std::bad_alloc>(4);
+    if (single_failure::met == 0) break;  // no call has so many
+    all += single_failure::met, noticed += met.inserting + met.processing;
+  }
+  MESSAGE(single_failure::number << " in a call, " << all << " failed, " << noticed << " were noticed");
+  CHECK(all > 20);
+  CHECK(noticed < all);  // what lies idle is given back, and the memory asked for again
 }
 
 TEST_CASE("every launch, copy and wait may fail") {

@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plants the faults of faults.txt into the headers, one at a time, and says which of them the tests catch.
 
-    tests/mutation/mutate.py [--compiler g++] [--include DIR]... [--only TEXT] [--list]
+    tests/mutation/mutate.py [--compiler g++] [--include DIR]... [--only TEXT] [--jobs N] [--list]
 
 Each fault is one replacement of text in a header. The test that is to catch it is compiled against a copy of the headers
 with the fault, and run: it must fail. Before that each test is compiled and run with the headers as they are: it must
@@ -12,6 +12,7 @@ does one whose text is not in the header exactly once, and a test that is skippe
 the fault counts as one that missed it: a busy machine may be the reason. Exit status 1 when less than 95 % are caught.
 """
 import argparse
+import concurrent.futures
 import os
 import shutil
 import subprocess
@@ -48,13 +49,12 @@ def read_faults(path):
     return faults
 
 
-def compile_and_run(test, include, work, arguments):
+def compile_and_run(test, include, work, program, arguments):
     """'passed', 'failed', 'was skipped', 'timed out', or 'does not compile'; the compiler's errors go to stderr."""
-    program = os.path.join(work, "test")
     command = [arguments.compiler, *FLAGS, f"-I{include}", f"-I{ROOT}/tests"]
     for folder in arguments.include:
         command += ["-isystem", folder]
-    command += [os.path.join(ROOT, test), os.path.join(work, "main.o"), "-o", program, "-ltbb", "-lpthread"]
+    command += [os.path.join(ROOT, test), os.path.join(work, "main.o"), "-o", program, *arguments.libraries]
     compiler = subprocess.run(command, stderr=subprocess.PIPE, encoding="utf-8", errors="replace")
     if compiler.returncode != 0:
         sys.stderr.write(compiler.stderr)
@@ -66,11 +66,32 @@ def compile_and_run(test, include, work, arguments):
     return {0: "passed", SKIPPED: "was skipped"}.get(status, "failed")
 
 
+def run_with_fault(fault, work, arguments):
+    """What compile_and_run() says of the fault's test where the headers have the fault."""
+    with tempfile.TemporaryDirectory(dir=work) as folder:
+        shutil.copytree(os.path.join(ROOT, "include"), os.path.join(folder, "include"))
+        header = os.path.join(folder, fault["file"])
+        with open(header, encoding="utf-8") as file:
+            text = file.read()
+        with open(header, "w", encoding="utf-8") as file:
+            file.write(text.replace(fault["-"], fault["+"]))
+        return compile_and_run(fault["test"], os.path.join(folder, "include"), work, os.path.join(folder, "test"), arguments)
+
+
+def libraries_of(compiler):
+    """TBB where it is there: its headers make the standard library's need it."""
+    tbb = ["-ltbb"]
+    linked = subprocess.run([compiler, "-x", "c++", "-", "-o", os.devnull, *tbb], input="int main() {}", encoding="utf-8",
+                            stderr=subprocess.DEVNULL)
+    return (tbb if linked.returncode == 0 else []) + ["-lpthread"]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--compiler", default="g++")
     parser.add_argument("--include", action="append", default=["/usr/include/eigen3"], help="system folder of headers")
     parser.add_argument("--only", default="", help="faults whose name, header or test contains this")
+    parser.add_argument("--jobs", type=int, default=1, help="tests that are compiled and run at a time")
     parser.add_argument("--list", action="store_true", help="check that the faults can be planted, compile nothing")
     arguments = parser.parse_args()
 
@@ -87,29 +108,29 @@ def main():
         print(f"{len(faults)} faults can be planted")
         return
 
+    arguments.libraries = libraries_of(arguments.compiler)
     caught = 0
-    with tempfile.TemporaryDirectory() as work:
+    with tempfile.TemporaryDirectory() as work, concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
         subprocess.run([arguments.compiler, *FLAGS, f"-I{ROOT}/include", f"-I{ROOT}/tests", "-c",
                         os.path.join(ROOT, "tests/support/main.cpp"), "-o", os.path.join(work, "main.o")], check=True)
-        for test in sorted({f["test"] for f in faults}):
-            result = compile_and_run(test, os.path.join(ROOT, "include"), work, arguments)
-            if result != "passed":
-                sys.exit(f"{test} {result} without any fault")
-        include = os.path.join(work, "include")
-        for f in faults:
-            shutil.rmtree(include, ignore_errors=True)
-            shutil.copytree(os.path.join(ROOT, "include"), include)
-            header = os.path.join(work, f["file"])
-            with open(header, encoding="utf-8") as file:
-                text = file.read()
-            with open(header, "w", encoding="utf-8") as file:
-                file.write(text.replace(f["-"], f["+"]))
-            result = compile_and_run(f["test"], include, work, arguments)
-            if result in ("does not compile", "was skipped"):
-                sys.exit(f"{f['name']}: {f['test']} {result}")
-            caught += 1 if result == "failed" else 0
-            verdict = {"failed": "caught", "passed": "MISSED", "timed out": "MISSED, timed out"}[result]
-            print(f"{verdict}  {f['name']}  ({f['test']})", flush=True)
+        tests = sorted({f["test"] for f in faults})
+        without = [pool.submit(compile_and_run, test, os.path.join(ROOT, "include"), work,
+                               os.path.join(work, f"test{i}"), arguments) for i, test in enumerate(tests)]
+        with_fault = [pool.submit(run_with_fault, f, work, arguments) for f in faults]
+        try:
+            for test, run in zip(tests, without):
+                if run.result() != "passed":
+                    sys.exit(f"{test} {run.result()} without any fault")
+            for f, run in zip(faults, with_fault):
+                result = run.result()
+                if result in ("does not compile", "was skipped"):
+                    sys.exit(f"{f['name']}: {f['test']} {result}")
+                caught += 1 if result == "failed" else 0
+                verdict = {"failed": "caught", "passed": "MISSED", "timed out": "MISSED, timed out"}[result]
+                print(f"{verdict}  {f['name']}  ({f['test']})", flush=True)
+        finally:  # what has not begun is not worth waiting for
+            for run in without + with_fault:
+                run.cancel()
     print(f"{caught} of {len(faults)} caught")
     sys.exit(0 if caught >= LEAST_CAUGHT * len(faults) else 1)
 
