@@ -81,6 +81,8 @@ class array : public array_bytes {
   /// @}
   /// Number of elements.
   std::size_t size() const { return size_; }
+  /// Where elements come from.
+  std::pmr::memory_resource* resource() const { return resource_; }
   /// Number of elements that fit without an allocation.
   std::size_t capacity() const { return room_ / sizeof(T); }
 };

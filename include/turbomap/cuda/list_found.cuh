@@ -8,6 +8,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 
 #include "../array.hpp"
 #include "../config.hpp"
@@ -56,10 +57,15 @@ packed_list<Entry> launch_list_found(const thrust::cuda_cub::execution_policy<De
   constexpr int threads = list_found_tuning::threads;
   const int blocks = (count - 1) / threads + 1;
   const std::size_t list_bytes = align_up(packed_list<Entry>::header + static_cast<std::size_t>(count) * sizeof(Entry));
-  const std::size_t before = room.capacity();
-  room.resize_discard(list_bytes + static_cast<std::size_t>(blocks) * sizeof(std::int32_t));
-  // More entries may be copied than there are: their bytes should be known to a memory checker.
-  if (room.capacity() != before) fill_bytes(policy, room.data(), 0, room.capacity());
+  const std::size_t bytes = list_bytes + static_cast<std::size_t>(blocks) * sizeof(std::int32_t);
+  if (bytes > room.capacity()) {
+    array<std::byte, device_memory> grown(room.resource());
+    grown.resize_discard(bytes);
+    // More entries may be copied than there are: their bytes should be known to a memory checker. Where this fails, the room is
+    // as it was, so that the next call does it.
+    fill_bytes(policy, grown.data(), 0, grown.capacity());
+    room = std::move(grown);
+  }
   const packed_list<Entry> list{room.data()};
   auto* const of_block = reinterpret_cast<std::int32_t*>(room.data() + list_bytes);
   launch_kernel(policy, "launch of count_found", detail::count_found_kernel<Found, Entry>, blocks, threads, count,
