@@ -57,7 +57,7 @@ mapping_case<pinhole_camera> tiny_case() {
   o.adjustment.min_shared_points = 1;
   o.adjustment.solve.max_iterations = 2;
   o.adjustment.points_per_guard = 1, o.fusion.commit.entries_per_guard = 1;  // the most guards
-  o.points_read_per_guard = 8;                                               // more would take minutes
+  o.points_read_per_guard = 4;  // new points come one at a time; reading in smaller parts would take minutes
   o.keyframe_culling.redundant_share = 0.4F, o.keyframe_culling.observers = 1, o.keyframe_culling.max_depth = 20;
   o.point_culling.patience = 1;
   o.checked_share = 0;  // what is not told is found by commits only
