@@ -1,11 +1,13 @@
 // SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Local mapping of a few keyframes, while others write whatever they like into the map: poses and positions that cannot be,
-// merges, erased keyframes and points, a moved map. The map stays sound, and mapping goes on. Then loop closing's calls.
+// Local mapping of a few keyframes, by rigs of any models, while others write whatever they like into the map: poses
+// and positions that cannot be, merges, erased keyframes and points, a moved map. The map stays sound, and mapping goes
+// on. Then loop closing's calls.
 
 #include <thrust/execution_policy.h>
 
+#include "hostile_cameras.hpp"
 #include "mapper_world.hpp"
 
 using namespace turbomap_fuzz;
@@ -67,13 +69,22 @@ class world {
   bool spoilt_ = false;  ///< edits have written poses or positions that cannot be
 };
 
+/// One to three cameras, each of any model, as they are or with too much distortion.
+void live_with_any(choices& c) {
+  auto rig = draw_models(c);
+  if (!bend(rig, c.flag() ? lens::bent : lens::real, c)) return;
+  const bool metric = rig.cameras.size() > 1 || rig.cameras[0].bf > 0;
+  world<any_model>(rig, metric ? 0.1 : 0, c).live(c);
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   choices c(data, size);
-  const unsigned rig = c.byte() % 3;
+  const unsigned rig = c.byte() % 4;
   if (rig == 0) world<turbomap_test::pinhole_camera>(turbomap_test::pinhole_rig(50), 0.11, c).live(c);
   if (rig == 1) world<turbomap_test::pinhole_camera>(turbomap_test::pinhole_rig(), 0, c).live(c);
   if (rig == 2) world<turbomap_test::fisheye_camera>(turbomap_test::fisheye_rig(2), 0.1, c).live(c);
+  if (rig == 3) live_with_any(c);
   return 0;
 }

@@ -31,6 +31,9 @@ inline void draw_options(turbomap::local_mapper_options& o, choices& c) {
   o.covariances = c.flag();
   if (c.flag()) o.fusion.mode = turbomap::fusion_mode::serial_exact;
   o.extra_rounds = c.byte() % 4 == 3 ? 1 : 0;
+  const unsigned alike = c.byte();  // what only the cameras of one rig see
+  static constexpr double ratios[] = {0.8, 0, 1, 0.3};
+  o.creation.lookalike_ratio = ratios[alike % 4], o.creation.fewest_keyframes = alike / 4 % 4 == 3 ? 2 : 1;
 }
 inline turbomap::local_mapper_options draw_options(double baseline, choices& c) {
   auto o =
