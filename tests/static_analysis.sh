@@ -5,7 +5,7 @@
 # static_analysis.sh [COMPILER-FLAG...]: clang-tidy with the checks of .clang-tidy on all public headers: once as they are, in one
 # file, and once as two whole mappers use them, since the analyser follows only templates that are instantiated. Flags say where
 # Eigen, Thrust and OpenCV are, if not where Debian puts them. Exit status 1 with a finding, 77 where there is no clang-tidy.
-# Three minutes of processor time.
+# About two minutes of processor time.
 set -eu -o pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 command -v clang-tidy >/dev/null || { echo 'static_analysis: no clang-tidy here'; exit 77; }

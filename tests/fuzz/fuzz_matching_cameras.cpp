@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 // SPDX-License-Identifier: Apache-2.0
 
-// The search and what follows it with cameras that no lens is: every model, mixed in one rig, with any parameters that validate()
-// lets pass, and a user's own model that has none of the optional members.
+// The search and what follows it with cameras that no lens is like: every model, mixed in one rig, with any parameters
+// that validate() lets pass, and a user's own model that has none of the optional members.
 
 #include <turbomap/descriptor/binary.hpp>
 

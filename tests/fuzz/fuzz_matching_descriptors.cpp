@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 // SPDX-License-Identifier: Apache-2.0
 
-// The search and what follows it with descriptors of real numbers: of floats, some of them huge or no numbers at all, and of
-// bytes. What has no finite distance matches nothing.
+// The search and what follows it with descriptors of real numbers: of floats, some of them huge or no numbers at all,
+// and of bytes. What has no finite distance matches nothing.
 
 #include <turbomap/descriptor/real.hpp>
 

@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// Rigs of cameras that no lens is: of any model, with any parameters that their validate() lets pass or refuses.
+/// Rigs of cameras that no lens is like: of any model, with any parameters that their validate() lets pass or refuses.
 
 #include <cmath>
 #include <cstddef>

@@ -3,7 +3,8 @@
 #pragma once
 
 /// \file
-/// Descriptors of keypoints and points, some replaced: by the one of another keypoint, or by numbers that no network gives.
+/// Descriptors of keypoints and points, some replaced: by the one of another keypoint, or by numbers that no network
+/// gives.
 
 #include <algorithm>
 #include <cstddef>

@@ -4,8 +4,8 @@
 
 /// \file
 /// A matching problem of any descriptor and camera: search, filters, tracks and creation of points on hostile
-/// keyframes. The ordered search must find what the exhaustive one finds, and filters must leave the same of both, and of
-/// the same matches given by a user. Given matches that are wrong are refused.
+/// keyframes. The ordered search must find what the exhaustive one finds, and filters must leave the same of both, and
+/// of the same matches given by a user. Given matches that are wrong are refused.
 
 #include <thrust/execution_policy.h>
 

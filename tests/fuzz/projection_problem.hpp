@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// A problem of points and keyframes that see them, of any descriptor and camera: the duplicate search, the search by projection
-/// and the appearance of points, on hostile points and keyframes.
+/// A problem of points and keyframes that see them, of any descriptor and camera: the duplicate search, the search by
+/// projection and the appearance of points, on hostile points and keyframes.
 
 #include <thrust/execution_policy.h>
 

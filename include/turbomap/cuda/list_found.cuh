@@ -61,8 +61,8 @@ packed_list<Entry> launch_list_found(const thrust::cuda_cub::execution_policy<De
   if (bytes > room.capacity()) {
     array<std::byte, device_memory> grown(room.resource());
     grown.resize_discard(bytes);
-    // More entries may be copied than there are: their bytes should be known to a memory checker. Where this fails, the room is
-    // as it was, so that the next call does it.
+    // More entries may be copied than there are: their bytes should be known to a memory checker. Where filling fails,
+    // the room is as it was, so that the next call fills it.
     fill_bytes(policy, grown.data(), 0, grown.capacity());
     room = std::move(grown);
   }
