@@ -31,7 +31,7 @@ grep -E '^(include|tools|examples|tests/reference|tests/support)/.*\.(hpp|cpp|cu
 grep -E '(CMakeLists\.txt|\.cmake|\.cmake\.in|CMakePresets\.json)$|^(quickstart|\.ci/run)$' "$scratch/files" |
   xargs cat | grep -oE '[A-Za-z_][A-Za-z0-9_]*' | sort -u >>"$scratch/words"
 # Fuzz targets.
-grep -oE '^(tests|tools/tests)/fuzz/fuzz_.*\.cpp$' "$scratch/files" | sed -E 's,.*/fuzz_,,; s,\.cpp$,,' >>"$scratch/words"
+sed -nE 's,^(tests|tools/tests)/fuzz/fuzz_(.*)\.cpp$,\2,p' "$scratch/files" >>"$scratch/words"
 grep -hoE -- '--[a-z][a-z-]*' tools/*.cpp tools/bundle/options.hpp tools/simulation/keyframe_rules.hpp tools/*.py quickstart .ci/run | sort -u >"$scratch/options"
 grep -vE '^#|^$' "$here/names_allowed.txt" >"$scratch/allowed" || true
 
