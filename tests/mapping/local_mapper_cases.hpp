@@ -101,6 +101,24 @@ void check_same_map(const Policy& policy, const mapping_case<Camera>& c, int key
   CHECK(worst <= (exact ? 0 : 1e-9));
 }
 
+/// A digest of bytes, number after number (FNV-1a).
+class decision_digest {
+ public:
+  void add(const void* data, std::size_t bytes) {
+    for (std::size_t i = 0; i < bytes; ++i) value_ = (value_ ^ static_cast<const unsigned char*>(data)[i]) * 1099511628211U;
+  }
+  template <class Run>
+  void add(const Run& run, const turbomap::mapping_report& report, bool computed, bool poses) {
+    const auto counted = counts(report);
+    const std::string map = content(run.map, computed, poses);
+    add(counted.data(), counted.size() * sizeof counted[0]), add(map.data(), map.size());
+  }
+  std::uint64_t value() const { return value_; }
+
+ private:
+  std::uint64_t value_ = 14695981039346656037U;
+};
+
 /// All integers of a run whose inputs do not depend on the compiler: what each stage counted, and names, octaves, descriptors
 /// and observations of the map after each keyframe. Poses stay as they were given: no adjustment.
 /// \param computed  what is computed of points counts too: positions, normals, ranges
@@ -109,36 +127,63 @@ std::uint64_t decisions(const Policy& policy, mapping_case<Camera> c, int keyfra
   c.recipe.rounded = true;
   const mapping_scene<Camera> scene(c.rig, c.recipe);
   mapping_run<mapped_by<Camera>, Policy> run(scene, c.options, {}, policy);
-  std::uint64_t digest = 14695981039346656037U;  // FNV-1a
-  const auto add = [&digest](const void* data, std::size_t bytes) {
-    for (std::size_t i = 0; i < bytes; ++i)
-      digest = (digest ^ static_cast<const unsigned char*>(data)[i]) * 1099511628211U;
-  };
+  decision_digest digest;
+  for (int n = 0; n < keyframes; ++n) digest.add(run, run.step(), computed, true);
+  CHECK(run.quality().points > 100);
+  return digest.value();
+}
+
+/// The same of a run with its adjustments, in float64: which observations each of them took out besides. Poses and points differ
+/// in their last bits between compilers, and a decision does only where a number lies as close to its limit.
+template <class Policy, class Camera>
+std::uint64_t adjusted_decisions(const Policy& policy, mapping_case<Camera> c, int keyframes) {
+  using map_type = mapped_by<Camera>;
+  using methods = turbomap::adjustment_methods<turbomap::adjustment_methods<>::solvers,
+                                               turbomap::precision_list<turbomap::precision::float64>>;
+  c.recipe.rounded = true;
+  c.options.adjustment.solve.numbers = turbomap::precision::float64;
+  const mapping_scene<Camera> scene(c.rig, c.recipe);
+  mapping_run<map_type, Policy, turbomap::local_adjustment<map_type, Policy, methods>> run(scene, c.options, {}, policy);
+  decision_digest digest;
+  std::size_t adjusted = 0, taken_out = 0;
   for (int n = 0; n < keyframes; ++n) {
-    const auto counted = counts(run.step());
-    const std::string map = content(run.map, computed);
-    add(counted.data(), counted.size() * sizeof counted[0]), add(map.data(), map.size());
+    const turbomap::mapping_report& report = run.step();
+    const turbomap::local_adjustment_summary& window = report.adjustment;
+    const std::uint64_t counted[] = {window.free_keyframes, window.fixed_keyframes, window.points,
+                                     window.observations,   window.outliers,        window.points_erased};
+    digest.add(run, report, false, false), digest.add(counted, sizeof counted);
+    adjusted += window.free_keyframes, taken_out += window.outliers;
   }
   CHECK(run.quality().points > 100);
+  CHECK(adjusted > 0);
+  CHECK(taken_out > 0);
+  return digest.value();
+}
+
+/// Prints a digest as a line `turbomap-digest NAME VALUE`, which scripts compare, and returns it.
+inline std::uint64_t print_digest(const char* name, std::uint64_t digest) {
+  std::printf("turbomap-digest %s %016llx\n", name, static_cast<unsigned long long>(digest));
   return digest;
 }
-/// Prints decisions() of four scenes, each as a line `turbomap-digest NAME VALUE`, and their digest.
+
+/// decisions() of four scenes, printed.
 template <class Policy>
 std::vector<std::uint64_t> print_decisions(const Policy& policy) {
   mapping_recipe back = noisy(5);
   back.turn_back = 6;
   auto pairs = rig_case(noisy(9));
   pairs.options.creation.rule = turbomap::creation_rule::pairs;
-  std::vector<std::uint64_t> all;
-  const auto print = [&all](const char* name, std::uint64_t digest) {
-    std::printf("turbomap-digest %s %016llx\n", name, static_cast<unsigned long long>(digest));
-    all.push_back(digest);
-  };
-  print("stereo-decisions", decisions(policy, stereo_case(back), 14));
-  print("fisheye-rig-decisions", decisions(policy, rig_case(noisy(6)), 9));
-  print("fisheye-rig-pairs-decisions", decisions(policy, pairs, 9));
-  print("mono-decisions", decisions(policy, monocular_case(noisy(7)), 12));
-  return all;
+  return {print_digest("stereo-decisions", decisions(policy, stereo_case(back), 14)),
+          print_digest("fisheye-rig-decisions", decisions(policy, rig_case(noisy(6)), 9)),
+          print_digest("fisheye-rig-pairs-decisions", decisions(policy, pairs, 9)),
+          print_digest("mono-decisions", decisions(policy, monocular_case(noisy(7)), 12))};
+}
+
+/// adjusted_decisions() of two scenes whose noise takes some observations beyond their gate, printed.
+template <class Policy>
+std::vector<std::uint64_t> print_adjusted_decisions(const Policy& policy) {
+  return {print_digest("stereo-adjusted-decisions", adjusted_decisions(policy, stereo_case(noisy(5, 1.2)), 12)),
+          print_digest("fisheye-rig-adjusted-decisions", adjusted_decisions(policy, rig_case(noisy(6, 1.2)), 9))};
 }
 
 /// A whole run, and what became of the truth.

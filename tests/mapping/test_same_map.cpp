@@ -29,6 +29,13 @@ TEST_CASE_TEMPLATE("the same map under every policy, sound after every keyframe"
 
 TEST_CASE("decisions, to be compared with those of other compilers and processors") {
   print_decisions(sequential_policy{});
+  const auto expected = print_adjusted_decisions(sequential_policy{});
+#if defined(TURBOMAP_WITH_OPENMP)
+  CHECK(print_adjusted_decisions(omp_policy{}) == expected);
+#endif
+#if defined(TURBOMAP_WITH_TBB)
+  CHECK(print_adjusted_decisions(tbb_policy{}) == expected);
+#endif
 }
 
 TEST_CASE_TEMPLATE("without noise the map is right", Policy, TURBOMAP_TEST_POLICIES) {

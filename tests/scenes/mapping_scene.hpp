@@ -195,9 +195,10 @@ class mapping_scene {
   mutable std::unordered_map<landmark_id, truth> landmarks_;
 };
 
-/// All that the traits of a simple_map tell, to the last bit. \param computed  also what is computed in floating point
+/// All that the traits of a simple_map tell, to the last bit. \param computed  also what is computed of points in floating point
+/// \param poses  also the poses of keyframes: inputs, where nothing is adjusted
 template <class Map>
-std::string content(const Map& map, bool computed = true) {
+std::string content(const Map& map, bool computed = true, bool poses = true) {
   using traits = turbomap::map_traits<Map>;
   std::string bytes;
   const auto put = [&bytes](const auto& value) {
@@ -206,7 +207,8 @@ std::string content(const Map& map, bool computed = true) {
     bytes.append(raw, sizeof value);
   };
   traits::for_each_keyframe(map, [&](typename traits::keyframe k) {
-    put(traits::id(map, k)), put(k.index), put(traits::pose(map, k));
+    put(traits::id(map, k)), put(k.index);
+    if (poses) put(traits::pose(map, k));
     for (std::size_t i = 0; i < traits::keypoint_count(map, k); ++i) put(traits::point_at(map, k, i));
   });
   traits::for_each_point(map, [&](typename traits::point p) {
