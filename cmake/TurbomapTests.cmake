@@ -135,7 +135,14 @@ function(turbomap_name_test name label)
   endif()
   set(test ${TURBOMAP_TEST_PREFIX}${name})
   add_test(NAME ${test} COMMAND ${ARGN})
-  set_tests_properties(${test} PROPERTIES TIMEOUT 600 SKIP_RETURN_CODE 77 LABELS "${label}")
+  set(timeout 600)
+  if(TURBOMAP_SANITIZE)
+    set(timeout 1800)  # the model checks take eleven minutes
+  endif()
+  set_tests_properties(${test} PROPERTIES TIMEOUT ${timeout} SKIP_RETURN_CODE 77 LABELS "${label}")
+  if(name MATCHES "interleavings|uncertain_points")
+    set_tests_properties(${test} PROPERTIES COST 600)  # the longest begin first, also where ctest has not timed them yet
+  endif()
   set_property(TEST ${test} PROPERTY ENVIRONMENT "${turbomap_test_environment}")
   if(name MATCHES "local_mapper|time_budget|threads|context")  # they look at the clock, or at threads of their own
     set_property(TEST ${test} PROPERTY RUN_SERIAL ON)
