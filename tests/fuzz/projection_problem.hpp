@@ -4,11 +4,13 @@
 
 /// \file
 /// A problem of points and keyframes that see them, of any descriptor and camera: the duplicate search, the search by
-/// projection and the appearance of points, on hostile points and keyframes.
+/// projection and the appearance of points, on hostile points and keyframes. Both searches are compared with the oracle, trial by
+/// trial: what they found is right, and they found all.
 
 #include <thrust/execution_policy.h>
 
 #include <cmath>
+#include <cstring>
 #include <set>
 #include <type_traits>
 #include <utility>
@@ -22,6 +24,7 @@
 #include "hostile.hpp"
 #include "hostile_descriptors.hpp"
 #include "reference/appearance_oracle.hpp"
+#include "reference/projection_oracle.hpp"
 #include "scenes/duplicate_scene.hpp"
 
 namespace turbomap_fuzz {
@@ -72,9 +75,9 @@ class projection_problem {
     if (points > 0) {
       const std::size_t p = c.below(points);
       if (what == 0) scene_.position[p] = c.vector(20);
-      if (what == 1) scene_.normal[p].x = c.single(1);
-      if (what == 2) scene_.min_distance[p] = c.single(20), scene_.max_distance[p] = c.single(20);
-      if (what == 3 && !scene_.covariance.empty()) scene_.covariance[p].xx = c.number(1);
+      if (what == 1) spoil_normal(scene_.normal[p], c);
+      if (what == 2) (c.flag() ? scene_.min_distance : scene_.max_distance)[p] = c.single(20);
+      if (what == 3) spoil_covariance(p, c);
       if (what == 8) spoil_descriptor<Descriptor>(scene_.descriptors, p, c);
     }
     if (scene_.frames.empty()) return;
@@ -87,6 +90,29 @@ class projection_problem {
     if (what == 6) k.u_right = c.single(800), k.octave = static_cast<std::uint8_t>(c.below(9));
     if (what == 7) k = f.keypoints[c.below(f.keypoints.size())];
     if (what == 9) spoil_descriptor<Descriptor>(f.descriptors, i, c);
+  }
+
+  /// One number, or the length of the whole normal.
+  static void spoil_normal(turbomap::vec3<float>& n, choices& c) {
+    float* const all[] = {&n.x, &n.y, &n.z};
+    const std::size_t which = c.below(4);
+    const float x = c.single(1);
+    if (which < 3)
+      *all[which] = x;
+    else
+      n.x *= x, n.y *= x, n.z *= x;
+  }
+  /// Points that are exact in every direction, in one, or in none; or one number, so that it need not be a covariance.
+  void spoil_covariance(std::size_t p, choices& c) {
+    scene_.covariance.resize(scene_.position.size());
+    auto& C = scene_.covariance[p];
+    float* const all[] = {&C.xx, &C.yx, &C.yy, &C.zx, &C.zy, &C.zz};
+    if (c.flag()) {
+      *all[c.below(6)] = c.single(1);
+      return;
+    }
+    const float x = c.single(0.3), y = c.single(0.3), z = c.single(0.3), least = c.flag() ? 1e-4F : 0;
+    C = {x * x + least, y * x, y * y + least, z * x, z * y, z * z + least};
   }
 
   template <class Targets, class Plan>
@@ -107,26 +133,132 @@ class projection_problem {
       if (once) expect(seen.emplace(m.target, m.keypoint).second, "a keypoint goes to one point");
     }
   }
+  using distance_type = typename Descriptor::distance_type;
+  using trial_type = turbomap::projection_trial<distance_type>;
+
+  static bool same(const trial_type& a, const trial_type& b) {
+    return a.outcome == b.outcome && a.level == b.level && a.keypoint == b.keypoint &&
+           std::memcmp(&a.distance, &b.distance, sizeof a.distance) == 0;
+  }
+  static bool same(const turbomap::projection_match<distance_type>& a,
+                   const turbomap::projection_match<distance_type>& b) {
+    return a.target == b.target && a.camera == b.camera && a.point == b.point && a.keypoint == b.keypoint &&
+           std::memcmp(&a.distance, &b.distance, sizeof a.distance) == 0;
+  }
+  /// Whether the oracle's answer is the same for a point a little beside. Lenses and poses as here may magnify a rounding
+  /// error by any factor, which the oracle's own close calls do not know: they are made for lenses that exist. Its derivatives
+  /// are numeric, and it asks no Cholesky factor: gates of points with a covariance are a little wider and narrower, too.
+  template <class Target>
+  bool is_firm(const Target& target, int camera, int p, const turbomap::projection_options& options,
+               const trial_type& expected) {
+    const auto order = turbomap_test::keypoints_by_cell(target.view, camera);
+    const auto holds = [&](const turbomap::projection_options& o) {
+      const auto again = turbomap_test::oracle_projection(scene_.points(), p, target, camera, order, o);
+      return !again.doubtful && same(again.trial, expected);
+    };
+    const auto& mount = target.view.cameras[camera].T_camera_body;
+    auto& X = scene_.position[static_cast<std::size_t>(p)];
+    const turbomap::vec3<double> was = X;
+    double far = std::abs(X.x) + std::abs(X.y) + std::abs(X.z);
+    for (const auto& T : {mount, target.T_cw}) far += std::abs(T.tx) + std::abs(T.ty) + std::abs(T.tz);
+    bool firm = true;
+    for (double* const x : {&X.x, &X.y, &X.z})
+      for (const double by : {-1e-9, 1e-9}) {
+        *x += by * far;
+        firm = firm && holds(options);
+        X = was;
+      }
+    if (scene_.covariance.empty()) return firm;
+    for (const double by : {0.97, 1.03}) {
+      turbomap::projection_options o = options;
+      o.mono_chi2 *= by, o.stereo_chi2 *= by, o.window_sigmas *= by, o.max_radius *= by;
+      firm = firm && holds(o);
+    }
+    return firm;
+  }
+  /// The trials are the oracle's, but for close calls; without options.one_to_one, which the oracle does not know.
+  template <class Targets, class Trials>
+  void compare(const Targets& targets, const turbomap::projection_options& options, const Trials& trials) {
+    const auto points = scene_.points();
+    std::size_t at = 0;
+    const auto oracle = turbomap_test::projection_oracle<Descriptor, Camera>(points, span(targets), options);
+    expect(trials.size() == oracle.size(), "every point has a trial in every camera");
+    for (const auto& target : targets)
+      for (int camera = 0; camera < target.view.camera_count; ++camera)
+        for (int p = 0; p < points.count; ++p, ++at)
+          if (!oracle[at].doubtful && !same(trials[at], oracle[at].trial))
+            expect(!is_firm(target, camera, p, options, oracle[at].trial), "trials are those of the oracle");
+  }
+  /// The plan has every trial that matched, and nothing else.
+  template <class Targets, class Trials, class Plan>
+  void expect_all(const Targets& targets, const Trials& trials, const Plan& plan) {
+    std::size_t trial = 0, found = 0;
+    for (std::size_t t = 0; t < targets.size(); ++t)
+      for (int camera = 0; camera < targets[t].view.camera_count; ++camera)
+        for (int p = 0; p < scene_.points().count; ++p, ++trial) {
+          const auto& a = trials[trial];
+          if (a.outcome != turbomap::projection_outcome::matched) continue;
+          expect(found < plan.size() && same(plan[found], {static_cast<int>(t), camera, p, a.keypoint, a.distance}),
+                 "what matches is in the plan");
+          ++found;
+        }
+    expect(found == plan.size(), "what is in the plan matches");
+  }
   template <class Targets>
   void duplicates(const Targets& targets, choices& c) {
     turbomap::duplicate_options o;
-    o.scales = scene_.scales(), o.range_gate = c.flag(), o.keep_trials = c.flag();
+    o.scales = scene_.scales(), o.range_gate = c.flag(), o.coarser_octaves = static_cast<int>(c.below(3));
     o.max_distance = draw_distance<Descriptor>(c);
     turbomap::duplicates<Descriptor, Camera, policy> found(ctx_);
+    o.keep_trials = true;
     if (!allowed([&] { turbomap::find_duplicates(ctx_, scene_.points(), span(targets), o, found); })) return;
-    check(targets, found.plan(ctx_), o.max_distance, false);
+    const auto trials = found.trials(ctx_);
+    compare(targets, o, trials);
+    expect_all(targets, trials, found.plan(ctx_));
+    o.keep_trials = false;  // points that certainly match nothing are passed over then
+    turbomap::find_duplicates(ctx_, scene_.points(), span(targets), o, found);
+    const auto plan = found.plan(ctx_);
+    check(targets, plan, o.max_distance, false);
+    expect_all(targets, trials, plan);
   }
-  template <class Targets>
-  void projections(const Targets& targets, choices& c) {
+  turbomap::projection_options draw_projection(choices& c) const {
     turbomap::projection_options o;
     o.scales = scene_.scales(), o.range_gate = c.flag(), o.one_to_one = c.flag();
     o.max_distance = draw_distance<Descriptor>(c);
     o.gate = static_cast<turbomap::projection_gate>(c.below(3));
     o.max_ratio = c.flag() ? 1 : 0.8, o.radius = c.flag() ? 2.5 : 40, o.coarser_octaves = static_cast<int>(c.below(9));
     o.max_radius = c.flag() ? 40 : 1e30;
+    const unsigned more = c.byte();
+    static constexpr double factors[] = {1.6, 1, 0.5, 3}, cosines[] = {0.5, -1, 0, 0.9}, sigmas[] = {3, 0, 1, 30};
+    o.oblique_factor = factors[more % 4], o.min_view_cosine = cosines[more / 4 % 4];
+    o.window_sigmas = sigmas[more / 16 % 4], o.stereo_correlation = more / 64 % 2 == 0 ? 0 : 0.75;
+    o.window_octave = more / 128 == 0 ? 0 : o.scales.levels - 1;
+    return o;
+  }
+  template <class Targets>
+  void projections(const Targets& targets, choices& c) {
+    const turbomap::projection_options o = draw_projection(c);
     turbomap::projections<Descriptor, Camera, policy> found(ctx_);
-    if (!allowed([&] { turbomap::search_by_projection(ctx_, scene_.points(), span(targets), o, found); })) return;
-    check(targets, found.plan(ctx_), o.max_distance, o.one_to_one);
+    turbomap::projection_options plain = o;
+    plain.keep_trials = true, plain.one_to_one = false;
+    if (!allowed([&] { turbomap::search_by_projection(ctx_, scene_.points(), span(targets), plain, found); })) return;
+    auto trials = found.trials(ctx_);
+    compare(targets, plain, trials);
+    if (o.one_to_one) {  // of these matches, each keypoint's best
+      const std::size_t points = scene_.position.size();
+      for (std::size_t i = 0; i < trials.size(); i += points)
+        turbomap_test::settle_oracle(trials.data() + i, static_cast<int>(points));
+      plain.one_to_one = true;
+      turbomap::search_by_projection(ctx_, scene_.points(), span(targets), plain, found);
+      const auto settled = found.trials(ctx_);
+      for (std::size_t i = 0; i < trials.size(); ++i)
+        expect(same(settled[i], trials[i]), "a keypoint goes to the most similar point");
+    }
+    expect_all(targets, trials, found.plan(ctx_));
+    turbomap::search_by_projection(ctx_, scene_.points(), span(targets), o, found);
+    const auto plan = found.plan(ctx_);
+    check(targets, plan, o.max_distance, o.one_to_one);
+    expect_all(targets, trials, plan);
   }
   /// Points with any observations.
   template <class Targets>

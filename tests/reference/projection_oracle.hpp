@@ -74,12 +74,14 @@ oracle_trial<Descriptor> oracle_projection(const turbomap::map_point_view<Descri
   if (!X.allFinite()) return ends(projection_outcome::behind, calls);
   const Eigen::Matrix3d Sigma = points.covariance == nullptr ? Eigen::Matrix3d::Zero() : to_eigen(points.covariance[p]);
   if (!Sigma.allFinite()) return ends(projection_outcome::behind, calls);
-  const oracle_pose T = to_oracle_pose(mounted.T_camera_body) * to_oracle_pose(target.T_cw);
+  const oracle_pose mount = to_oracle_pose(mounted.T_camera_body), body = to_oracle_pose(target.T_cw);
+  const oracle_pose T = mount * body;
   const Eigen::Vector3d x = T * X;
-  if (!calls.less(0, x.z(), X.norm() + T.t.norm())) return ends(projection_outcome::behind, calls);
+  const double far = X.norm() + body.t.norm() + mount.t.norm();  // what rounding errors are relative to
+  if (!calls.less(0, x.z(), far)) return ends(projection_outcome::behind, calls);
 
   // A pixel is as uncertain as the direction of the point.
-  const double size = 1000 * (1 + 1e-4 * (X.norm() + T.t.norm()) / x.z());
+  const double size = 1000 * (1 + 1e-4 * far / x.z());
   Eigen::Vector2d uv;
   if (!oracle_project(mounted.camera, x, uv)) return ends(projection_outcome::outside, calls);
   const auto& b = view.cells.bounds;
@@ -88,7 +90,7 @@ oracle_trial<Descriptor> oracle_projection(const turbomap::map_point_view<Descri
     return ends(projection_outcome::outside, calls);
 
   const Eigen::Vector3d ray = X - T.inverse().t;
-  const double distance = ray.norm(), far = X.norm() + T.t.norm();
+  const double distance = ray.norm();
   if (options.range_gate) {
     const float least = static_cast<float>(options.min_range_factor) * points.min_distance[p];
     const float largest = static_cast<float>(options.max_range_factor) * points.max_distance[p];
@@ -100,9 +102,10 @@ oracle_trial<Descriptor> oracle_projection(const turbomap::map_point_view<Descri
   if (options.min_view_cosine > -1 || options.oblique_factor != 1) {
     const Eigen::Vector3d n(points.normal[p].x, points.normal[p].y, points.normal[p].z);
     if (!n.allFinite()) return ends(projection_outcome::oblique, calls);
-    if (options.min_view_cosine > -1 && !calls.at_most(options.min_view_cosine * distance, ray.dot(n), far))
+    const double sum = far * std::max(1.0, n.norm());  // of the terms of ray.dot(n)
+    if (options.min_view_cosine > -1 && !calls.at_most(options.min_view_cosine * distance, ray.dot(n), sum))
       return ends(projection_outcome::oblique, calls);
-    if (options.oblique_factor != 1 && calls.less(ray.dot(n), options.oblique_cosine * distance, far))
+    if (options.oblique_factor != 1 && calls.less(ray.dot(n), options.oblique_cosine * distance, sum))
       widened = options.oblique_factor;
   }
 
@@ -122,9 +125,14 @@ oracle_trial<Descriptor> oracle_projection(const turbomap::map_point_view<Descri
   uncertainty_view<Camera> seen{mounted.camera, T, stereo_camera ? mounted.bf : 0.0};
   seen.sigma2 = oracle_sigma2(options.scales, level < 0 ? options.window_octave : level);
   const double numeric = uncertain ? 100 : 1;
+  if (uncertain && !seen.differentiable(X)) {  // at the border of the model, or too far away for a difference
+    calls.any = true;
+    return ends(projection_outcome::outside, calls);
+  }
   Eigen::Vector2d window(radius, radius);
   if (uncertain && options.window_sigmas > 0) {
     const Eigen::MatrixXd spread = oracle_spread(seen, X, Sigma);
+    calls.any = calls.any || !is_plain_spread(seen, X, Sigma);
     const Eigen::Vector2d deviation(std::sqrt(spread(0, 0)), std::sqrt(spread(1, 1)));
     window = window.cwiseMax((options.window_sigmas * deviation).cwiseMin(options.max_radius));
   }
@@ -150,11 +158,13 @@ oracle_trial<Descriptor> oracle_projection(const turbomap::map_point_view<Descri
       Eigen::VectorXd e(seen.size());
       e(0) = residual.x(), e(1) = residual.y();
       if (stereo) e(2) = right;
+      calls.any = calls.any || (gated && !is_plain_spread(seen, X, Sigma));
       chi2 = e.dot(oracle_spread(seen, X, Sigma).ldlt().solve(e));
     }
     if (gated && !calls.at_most(chi2, stereo ? options.stereo_chi2 : options.mono_chi2, size * numeric)) continue;
     const auto d = Descriptor::distance(points.descriptor + static_cast<std::size_t>(p) * Descriptor::elements,
                                         view.descriptor_of(k));
+    if (!(d <= Descriptor::worst)) continue;  // no distance: matches nothing
     if (trial.keypoint >= 0) second = std::min(second, static_cast<double>(std::max(d, trial.distance)));
     if (trial.keypoint >= 0 && d >= trial.distance) continue;
     trial.keypoint = k;

@@ -12,6 +12,10 @@
 
 #include "two_views.hpp"
 
+TURBOMAP_TEST_EIGEN_BEGIN
+#include <Eigen/Eigenvalues>
+TURBOMAP_TEST_EIGEN_END
+
 namespace turbomap_test {
 
 /// One view of a point.
@@ -34,12 +38,23 @@ struct uncertainty_view {
     if (bf > 0) e(2) = p.x - bf / x.z();
     return e;
   }
-  /// By central differences of 1e-5 m.
+  /// Of the differences below: 1e-5 of the point's distance.
+  double step(const Eigen::Vector3d& X) const { return 1e-5 * (T_cw * X).norm(); }
+  /// Whether there is a derivative: the model is defined around the point, and numbers are fine enough for a difference.
+  bool differentiable(const Eigen::Vector3d& X) const {
+    const double h = step(X);
+    if (!(h > 1e-10 * (X.norm() + T_cw.t.norm()))) return false;
+    for (int i = 0; i < 3; ++i)
+      for (const double d : {h, -h})
+        if ((*this)(X + d * Eigen::Vector3d::Unit(i)).size() == 0) return false;
+    return true;
+  }
+  /// By central differences.
   Eigen::MatrixXd derivative(const Eigen::Vector3d& X) const {
     Eigen::MatrixXd J(size(), 3);
     for (int i = 0; i < 3; ++i) {
-      const Eigen::Vector3d h = 1e-5 * Eigen::Vector3d::Unit(i);
-      J.col(i) = ((*this)(X + h) - (*this)(X - h)) / 2e-5;
+      const Eigen::Vector3d h = step(X) * Eigen::Vector3d::Unit(i);
+      J.col(i) = ((*this)(X + h) - (*this)(X - h)) / (2 * step(X));
     }
     return J;
   }
@@ -78,6 +93,20 @@ Eigen::MatrixXd oracle_spread(const uncertainty_view<Camera>& view, const Eigen:
   const Eigen::MatrixXd J = view.derivative(X);
   return view.noise() + J * Sigma * J.transpose();
 }
+
+TURBOMAP_TEST_EIGEN_BEGIN
+/// Whether a textbook's inverse of that is what everybody else's is: Sigma is a covariance as the camera sees it, but for
+/// rounding to float, and not so large that nothing is left of the noise.
+template <class Camera>
+bool is_plain_spread(const uncertainty_view<Camera>& view, const Eigen::Vector3d& X, const Eigen::Matrix3d& Sigma) {
+  const Eigen::MatrixXd J = view.derivative(X);
+  Eigen::Matrix3d M = Eigen::Matrix3d::Zero();  // of fixed size: also under nvcc
+  M.topLeftCorner(view.size(), view.size()) = J * Sigma * J.transpose();
+  if (!M.allFinite()) return false;
+  const Eigen::Vector3d variances = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(M).eigenvalues();
+  return variances(0) > -0.01 * (1 - view.correlation) * view.sigma2 && variances(2) < 1e9 * view.sigma2;
+}
+TURBOMAP_TEST_EIGEN_END
 
 inline Eigen::Matrix3d to_eigen(const turbomap::point_covariance& c) {
   Eigen::Matrix3d C;
