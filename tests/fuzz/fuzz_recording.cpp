@@ -14,19 +14,12 @@
 
 #include "fuzz.hpp"
 #include "recording_changes.hpp"
+#include "recording_contents.hpp"
 
 using namespace turbomap_fuzz;
 
 namespace {
 
-std::string contents(const turbomap::recording& r) {
-  std::string all;
-  turbomap::visit_arrays(r, [&](const char* name, const auto& rows, turbomap::recording_rows, turbomap::presence) {
-    all.append(name).append(std::to_string(rows.size()));
-    all.append(reinterpret_cast<const char*>(rows.data()), rows.size() * sizeof(*rows.data()));
-  });
-  return all;
-}
 void check(const turbomap::recording& r) {
   for (std::size_t i = 0; i < r.keyframe_count(); ++i) {
     const auto keypoints = r.gather_keypoints(i);
