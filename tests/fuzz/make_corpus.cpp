@@ -131,8 +131,9 @@ void recordings(const fs::path& corpus) {
 /// Any bytes are a problem to the targets of algorithms.
 void problems(const fs::path& corpus) {
   std::mt19937 random(1);
-  for (const char* target : {"matching", "projection", "adjustment", "imu", "map_edits", "mapper", "fusion",
-                             "map_faults", "mirrored_mapper", "inertial_mapper"})
+  for (const char* target :
+       {"matching", "projection", "adjustment", "imu", "map_edits", "mapper", "fusion", "map_faults", "mirrored_mapper",
+        "inertial_mapper", "map_recorder", "point_uncertainty", "resolution_profile"})
     for (const char* name : {"a", "b", "c", "d", "e", "f"}) {
       std::string any(200, 0);
       for (char& c : any) c = static_cast<char>(random() >> 8 & 0xFFU);
