@@ -189,15 +189,16 @@ class problem {
     if (!(v.sigma2 > 1e-6 && v.sigma2 < 1e6)) v.sigma2 = 1;
     return v;
   }
-  /// Strict numbers take differences where a model brings no derivative, double ones dual numbers: the same, but for lenses
-  /// that turn within a millionth.
-  bool has_derivatives() const { return turbomap::has_jacobian_v<Camera> || how_ != lens::hostile; }
-  /// Differences stand for derivatives, and the point is not so far from the origin that they are rounding.
+  /// Strict numbers take differences where a model brings no derivative, double ones dual numbers: the same where differences
+  /// stand for derivatives.
+  bool has_derivatives() const { return turbomap::has_jacobian_v<Camera> || is_textbook(); }
+  /// Differences stand for derivatives: the point is not so far from the origin that they are rounding, nor nearly straight
+  /// behind a lens that sees there, where a pixel turns about the centre within a step of them.
   bool is_textbook(const view& v) const {
     const Eigen::Vector3d x = v.T_cw * X_;
     const double away = x.norm();
     return how_ != lens::hostile && v.differentiable(X_) && X_.norm() + v.T_cw.t.norm() < 1e3 * away &&
-           (v.bf > 0 ? x.z() : std::abs(x.z())) > 1e-2 * away;
+           (v.bf > 0 ? x.z() : std::abs(x.z())) > 1e-2 * away && x.z() > -0.99 * away;
   }
   bool is_textbook() const {
     for (const auto& v : views_)
