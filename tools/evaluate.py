@@ -336,13 +336,16 @@ def runs(results, case, policy):
             if (name, by) == (case.name, policy) and what.startswith("run ") and "stages" in found]
 
 
+def times_of_run(found):
+    """[{stage: ms}] by keyframe, of one replay."""
+    with open(found["growth_file"], newline="") as file:
+        return [{stage: float(row[stage]) for stage in STAGES[:-1]} for row in csv.DictReader(file)]
+
+
 def keyframe_times(results, case, policy):
     """[{stage: ms}] by keyframe, of each keyframe and stage the fastest run: all runs do the same work, and what else a machine
     does only adds to it."""
-    tables = []
-    for found in runs(results, case, policy):
-        with open(found["growth_file"], newline="") as file:
-            tables.append([{stage: float(row[stage]) for stage in STAGES[:-1]} for row in csv.DictReader(file)])
+    tables = [times_of_run(found) for found in runs(results, case, policy)]
     fastest = [{stage: min(row[stage] for row in rows) for stage in STAGES[:-1]} for rows in zip(*tables)]
     return [{**row, "total": sum(row.values())} for row in fastest]
 
@@ -584,32 +587,50 @@ def below_at_clock(table_at_clock):
     return f" At the peer's clock, of {len(judged)} rows: {cells or 'none'}." if judged else ""
 
 
+def stage_parts(found, stage):
+    """(ms, ms that the map's guard was held, ms of these to commit) per keyframe of one replay, without the first ones; None for what it does
+    not tell. All three are of the same keyframes: the mean in the replay's JSON leaves out those whose stage was skipped, so it is not used."""
+    rows = times_of_run(found)[WARM_UP:]
+    mean_held, commit = (get(found, "guard_held", stage, key) for key in ("ms_mean", "ms_commit"))
+    held = get(found, "guard_held", stage, "times", scale=mean_held or 0)
+    if not rows:
+        return None, None, None
+    ms = statistics.mean(row[stage] for row in rows)
+    return (ms, None, None) if None in (held, commit) else (ms, held / len(rows), commit / len(rows))
+
+
 def table_breakdown(made, names, results, device):
-    t = table("Creation and fusion: where the time goes", "ms per keyframe. Reading: the map's guard is held to copy what is searched. "
+    """The table, and faults: parts of a stage that are more than the whole are not shown."""
+    t = table("Creation and fusion: where the time goes", "ms per keyframe; of each stage all of one run, that whose mean of it is least, so not "
+              "quite the times above. Reading: the map's guard is held to copy what is searched. "
               "Commit: it is held to apply what was found. The rest computes on copies, with appearances of the new points, and under cuda with "
               "the transfers; kernels and transfers alone: of a second replay that a profiler recorded, with programs that name their stages, "
               "over all keyframes; the other columns leave out the first 11.",
               ["recording", "policy"])
+    faults = []
     for case in made:
         for policy in names:
-            rows, values = keyframe_times(results, case, policy)[WARM_UP:], {}
-            found = runs(results, case, policy)
-            for stage in ("search", "creation", "fusion") if rows else ():
-                values[stage] = statistics.mean(row[stage] for row in rows)
-                held = [(get(f, "guard_held", stage, "times", scale=get(f, "guard_held", stage, "ms_mean") or 0),
-                         get(f, "guard_held", stage, "ms_commit")) for f in found]
-                if any(None in pair for pair in held):
+            values = {}
+            for stage in ("search", "creation", "fusion"):
+                parts = [stage_parts(found, stage) for found in runs(results, case, policy)]
+                ms, guard, commit = min((p for p in parts if p[0] is not None), key=lambda p: p[0], default=(None, None, None))
+                values[stage] = ms
+                if guard is None:
                     continue
-                commit, guard = min(c for _, c in held) / len(rows), min(g for g, _ in held) / len(rows)
+                rest = ms - guard
+                if rest < -1e-5 * ms:  # times of keyframes are written with six digits
+                    faults.append((case.name, policy, f"the rest of {stage}",
+                                   f"the guard was held for {show(guard)} ms of {show(ms)} ms per keyframe"))
+                    continue
                 if stage != "creation":
                     values[f"{stage}: reading"] = guard - commit
-                values[f"{stage}: the rest"] = values[stage] - guard
+                values[f"{stage}: the rest"] = max(rest, 0)
                 if stage != "search":
                     values[f"{stage}: commit"] = commit
                 if policy == "cuda" and stage in device.get(case.name, {}):
                     values[f"{stage}: kernels"], values[f"{stage}: transfers"] = device[case.name][stage]
             t.add([case.name, policy], values)
-    return t
+    return t, faults
 
 
 def table_stress(made, names, results):
@@ -849,6 +870,8 @@ def main():
     summary = table("Summary", sentence, ["what"])
     faults = [(name, policy, what, found["failed"]) for (name, policy, what), found in results.items() if "failed" in found]
     faults += others
+    breakdown, more = (None, []) if args.no_times else table_breakdown(made, names, results, device)
+    faults += more
     summary.add(["recordings and set-ups"], {"count": len(made)})
     summary.add(["replays"], {"count": len(results)})
     summary.add(["failed"], {"count": len(faults)})
@@ -856,7 +879,7 @@ def main():
     if args.no_times:
         tables += [errors_of(times), table_determinism(made, results)]
     else:
-        tables += [times, gains, at_clock, table_breakdown(made, names, results, device),
+        tables += [times, gains, at_clock, breakdown,
                    table_stress(made, names, results), table_first_skips(made, names, results), table_ablation(alone),
                    table_determinism(made, results), table_bundle(adjusted), table_generated(made_problems)]
     if faults:
