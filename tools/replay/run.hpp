@@ -69,8 +69,8 @@ inline nlohmann::json guard_json(const std::vector<replay_row>& rows) {
             {"ms_p99", all.quantile(0.99)},
             {"ms_max", all.longest_ms},
             {"over_1_ms", all.over_1_ms}};
-    using turbomap::
-        mapping_stage;  // a search commits nothing; commits of stages that are not named here are not told apart
+    // A search commits nothing; commits of stages that are not named here are not told apart.
+    using turbomap::mapping_stage;
     if (stage == mapping_stage::search || stage == mapping_stage::creation || stage == mapping_stage::fusion)
       held["ms_commit"] = all.commit_ms;
   }
