@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// A growable buffer of plain elements in the memory of a policy: results stay there until they are asked for on the host.
-/// Growing discards the content; elements are not initialised.
+/// A growable buffer of plain elements in the memory of a policy: results stay there until they are asked for on the
+/// host. Growing discards the content; elements are not initialised.
 
 #include <cstddef>
 #include <memory_resource>
@@ -58,8 +58,8 @@ class array_bytes {
   }
 };
 
-/// Owns `size()` elements of `T` in `Memory` (host_memory or device_memory). Move-only. Capacity never shrinks, so a buffer
-/// that is used again with the same size allocates nothing.
+/// Owns `size()` elements of `T` in `Memory` (host_memory or device_memory). Move-only. Capacity never shrinks, so a
+/// buffer that is used again with the same size allocates nothing.
 template <class T, class Memory>
 class array : public array_bytes {
   static_assert(__is_trivially_copyable(T), "turbomap::array holds plain data only: it crosses the bus as bytes");

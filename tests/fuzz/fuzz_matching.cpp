@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Search, filters, tracks and creation of points on hostile keyframes: any pixels, equal descriptors, the query as its own
-// neighbour, the same neighbour twice, rigs. The ordered search must find what the exhaustive one finds.
+// Search, filters, tracks and creation of points on hostile keyframes: any pixels, equal descriptors, the query as its
+// own neighbour, the same neighbour twice, rigs. The ordered search must find what the exhaustive one finds.
 
 #include <turbomap/descriptor/binary.hpp>
 

@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// What the fuzz targets of whole mappers share: a small world, options, and edits by others, drawn once and applied to one map
-/// or to several.
+/// What the fuzz targets of whole mappers share: a small world, options, and edits by others, drawn once and applied to
+/// one map or to several.
 
 #include <cstddef>
 #include <cstdint>
@@ -134,8 +134,8 @@ void expect_sound(Run& run, bool spoilt) {
   expect(run.store.statistics().pinned_sets == 0, "nothing stays pinned");
 }
 
-/// Runs of one scene in which the mapper works on the map itself, and on a mirror of it. They are told the same, so their maps
-/// are the same to the last bit.
+/// Runs of one scene in which the mapper works on the map itself, and on a mirror of it. They are told the same, so
+/// their maps are the same to the last bit.
 template <class First, class Second>
 class twin_runs {
  public:
