@@ -34,6 +34,6 @@ for target in "${targets[@]}"; do
     "${options[@]}" -timeout=20 -rss_limit_mb=4096 -artifact_prefix="build/fuzz/findings/$target-" >"$log" 2>&1 ||
     { result="FOUND SOMETHING, see $log"; status=1; }
   executions=$(sed -nE 's/^Done ([0-9]+) runs.*/\1/p' "$log")
-  printf '%-16s %10s executions  %s\n' "$target" "${executions:--}" "$result"
+  printf '%-22s %10s executions  %s\n' "$target" "${executions:--}" "$result"
 done
 exit $status
