@@ -2,11 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 
 // Local mapping with an IMU, with fixed frames or a marginal prior before its windows, on a map itself and on a mirror of it,
-// while others write whatever they like into both: also velocities, biases, motions and gravity. The maps stay sound, and are
-// the same to the last bit.
+// while others write whatever they like into both: also velocities, biases, motions and gravity; now and then the IMU is
+// initialised. The maps stay sound, and are the same to the last bit.
 
 #include <thrust/execution_policy.h>
 
+#include <turbomap/mapping/inertial_initialisation.hpp>
+
+#include <cmath>
 #include <cstring>
 #include <vector>
 
@@ -71,6 +74,56 @@ void edit_inertial(twins& t, choices& c) {
   t.spoilt = t.spoilt || is_spoilt(t.first.map);
 }
 
+/// What an initialisation must leave alone where it finds nothing: all but motions, which may be integrated again.
+std::vector<double> states(const direct& map) {
+  const auto g = map.gravity();
+  std::vector<double> all{g.x, g.y, g.z};
+  for (const auto k : keyframes_of(map)) {
+    const auto v = map.velocity(k);
+    const auto b = map.bias(k);
+    all.insert(all.end(),
+               {v.x, v.y, v.z, b.gyro.x, b.gyro.y, b.gyro.z, b.acceleration.x, b.acceleration.y, b.acceleration.z});
+  }
+  return all;
+}
+
+/// Gravity, velocities and biases are estimated from the poses, and the scale where the rig is said to have one camera. Limits
+/// of what is believed are wide or as by default.
+void initialise(twins& t, choices& c) {
+  const auto keyframes = keyframes_of(t.first.map);
+  if (keyframes.empty()) return;
+  const auto current = keyframes[keyframes.size() - 1 - c.below(2) % keyframes.size()];
+  turbomap::initialisation_options options;
+  options.monocular = c.flag();
+  options.min_keyframes = 5, options.min_seconds = 0;
+  if (c.byte() % 4 != 0) options.max_scale_sigma = options.max_gravity_sigma = 1e3;
+  t.both([&](auto& run) {
+    const direct& map = run.map;
+    const auto before = states(map);
+    const auto poses = turbomap_test::content<direct>(map);
+    turbomap::inertial_initialisation<std::decay_t<decltype(run.map)>> stage;
+    const auto& found = stage(run.map, current, options);
+    expect(!stage.stale(), "nobody changes the map meanwhile");
+    if (!found) {
+      const auto after = states(map);
+      expect(after.size() == before.size() &&
+                 std::memcmp(after.data(), before.data(), before.size() * sizeof(double)) == 0 &&
+                 turbomap_test::content<direct>(map) == poses,
+             "a map that is not initialised is as it was");
+      return;
+    }
+    const auto g = map.gravity();
+    expect(found.scale > 0 && std::isfinite(found.scale) && (options.monocular || found.scale == 1),
+           "a scale is a number above 0, and 1 where it is known");
+    expect(std::abs(std::sqrt(g.x * g.x + g.y * g.y + g.z * g.z) - options.gravity) < 1e-6,
+           "gravity is as strong as it is");
+    for (const auto& v : found.velocity)
+      expect(std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z), "velocities are numbers");
+  });
+  t.second.mapper.refresh();
+  t.spoilt = t.spoilt || is_spoilt(t.first.map);
+}
+
 void live(choices& c) {
   const turbomap_test::mapping_scene<turbomap_test::pinhole_camera> scene(turbomap_test::pinhole_rig(50),
                                                                           draw_recipe(c));
@@ -83,12 +136,14 @@ void live(choices& c) {
   options.inertial.fewest_edges = static_cast<int>(c.below(4));
   options.checked_share = c.flag() ? 0 : 1;
   twins t(scene, options, draw_store(c));
-  const std::size_t last = 4 + c.below(6), initialised = c.below(5);
+  const std::size_t last = 5 + c.below(6), initialised = c.below(5);
+  const bool undisturbed = c.byte() % 4 == 0;  // so that more initialisations find what they look for
   for (std::size_t n = 0; n < last; ++n) {
-    if (n > 1) {
+    if (n > 1 && !undisturbed) {
       for (unsigned edits = c.byte() % 3; edits > 0; --edits) t.edit(c);
       for (unsigned edits = c.byte() % 3; edits > 0; --edits) edit_inertial(t, c);
     }
+    if (n > 4 && c.flag()) initialise(t, c), compare(t.first.map, t.second.map);
     if (n == 0) t.first.map.set_gravity(motion.gravity), t.second.map.set_gravity(motion.gravity);
     t.both([&](auto& run) {
       const auto k = turbomap_test::track(run, motion);

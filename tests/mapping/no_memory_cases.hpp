@@ -3,9 +3,12 @@
 #pragma once
 
 /// \file
-/// Keyframes of a small scene are inserted and mapped while the n-th allocation fails, for every n: an exception, a sound map, a
-/// store as it was, nothing pinned, and the next call does the work. Which allocations fail, of the host or of a device, or which
-/// other calls, is the test's affair.
+/// Keyframes of a small scene are inserted and mapped, and a loop is closed, while the n-th allocation fails, for every n: an
+/// exception, a sound map, a store as it was, nothing pinned, and the next call does the work. Which allocations fail, of the
+/// host or of a device, or which other calls, is the test's affair.
+
+#include <type_traits>
+#include <vector>
 
 #include "local_mapper_cases.hpp"
 #include "support/fail_everywhere.hpp"
@@ -68,6 +71,32 @@ failures_met map_with_failures(Run& run, const mapping_scene<pinhole_camera>& sc
   }
   CHECK(turbomap::validate(run.map).empty());
   CHECK(run.quality().merged_wrongly == 0);
+  return met;
+}
+
+/// Calls that failed in fuse_around(), adjust_globally(), update_appearance().
+struct closing_failures {
+  int fusing = 0, adjusting = 0, updating = 0;
+};
+
+/// What loop closing calls, after a map was made.
+/// \param Failure, Error  as above
+template <class Failure, class Error = std::bad_alloc, class Run>
+closing_failures close_with_failures(Run& run) {
+  const auto sound = [&] {
+    REQUIRE(turbomap::validate(run.map).empty());
+    REQUIRE(run.store.statistics().pinned_sets == 0);
+  };
+  const auto last = run.keyframes().back();
+  closing_failures met;
+  met.fusing = fail_everywhere<Failure, Error>([&] { run.mapper.fuse_around(last); }, sound);
+  met.adjusting = fail_everywhere<Failure, Error>([&] { run.mapper.adjust_globally(last, {}); }, sound);
+  std::vector<turbomap::map_point_id> points;
+  using traits = turbomap::map_traits<std::decay_t<decltype(run.map)>>;
+  traits::for_each_point(run.map, [&](turbomap::map_point_id p) { points.push_back(p); });
+  const turbomap::span<const turbomap::map_point_id> all(points.data(), points.size());
+  met.updating = fail_everywhere<Failure, Error>([&] { run.mapper.update_appearance(all); }, sound);
+  sound();
   return met;
 }
 

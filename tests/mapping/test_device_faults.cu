@@ -3,91 +3,10 @@
 
 // The n-th allocation of device or pinned memory fails, alone or with all after it, for every n, while keyframes are inserted
 // and mapped on a device; then the n-th launch, copy or wait, and all of them from the n-th on, as when the device is lost.
-// Each time: an exception, a sound map, a store as it was, nothing pinned, and the next call does the work. A device that is
-// really lost: test_lost_device.cu.
+// Each time: an exception, a sound map, a store as it was, nothing pinned, and the next call does the work. The same of what
+// loop closing calls. With an IMU: test_inertial_device_faults.cu. A device that is really lost: test_lost_device.cu.
 
-#include <cuda_runtime.h>
-
-#include <utility>
-
-namespace turbomap_test {
-
-/// Calls of one kind, of which some fail.
-struct failing_calls {
-  long left = -1;        ///< calls until one fails; below 0: none fails
-  bool for_ever = true;  ///< so do all after it
-  bool failed = false;   ///< one has
-
-  bool fails() {
-    if (left < 0) return false;
-    if (left > 0) return --left, false;
-    if (!for_ever) left = -1;
-    return failed = true;
-  }
-};
-inline failing_calls allocations, work;
-
-inline cudaError_t counted_malloc(void** memory, std::size_t bytes) {
-  return allocations.fails() ? cudaErrorMemoryAllocation : cudaMalloc(memory, bytes);
-}
-inline cudaError_t counted_malloc_host(void** memory, std::size_t bytes) {
-  return allocations.fails() ? cudaErrorMemoryAllocation : cudaMallocHost(memory, bytes);
-}
-template <class... Arguments>
-cudaError_t counted_launch(Arguments... arguments) {
-  return work.fails() ? cudaErrorLaunchOutOfResources : cudaLaunchKernel(arguments...);
-}
-template <class... Arguments>
-cudaError_t counted_cluster_launch(Arguments... arguments) {
-  return work.fails() ? cudaErrorLaunchOutOfResources : cudaLaunchKernelExC(arguments...);
-}
-template <class... Arguments>
-cudaError_t counted_look(Arguments... arguments) {
-  return work.fails() ? cudaErrorLaunchFailure : cudaPointerGetAttributes(arguments...);
-}
-template <class... Arguments>
-cudaError_t counted_copy(Arguments... arguments) {
-  return work.fails() ? cudaErrorLaunchFailure : cudaMemcpyAsync(arguments...);
-}
-template <class... Arguments>
-cudaError_t counted_fill(Arguments... arguments) {
-  return work.fails() ? cudaErrorLaunchFailure : cudaMemsetAsync(arguments...);
-}
-/// It waits even so: on a device that has failed nothing runs any more.
-inline cudaError_t counted_wait(cudaStream_t stream) {
-  const cudaError_t status = cudaStreamSynchronize(stream);
-  return work.fails() ? cudaErrorLaunchFailure : status;
-}
-
-/// Not counted: how often it is asked depends on the clock.
-inline cudaError_t query_of_lost(cudaStream_t stream) {
-  return work.failed && work.for_ever ? cudaErrorLaunchFailure : cudaStreamQuery(stream);
-}
-
-template <failing_calls& Calls, bool ForEver>
-struct failure_of {
-  explicit failure_of(long n) { Calls = {n, ForEver}; }
-  failure_of(const failure_of&) = delete;
-  failure_of& operator=(const failure_of&) = delete;
-  ~failure_of() {
-    Calls = {};
-    cudaDeviceSynchronize();  // what was launched before has pins until it is done
-  }
-};
-
-}  // namespace turbomap_test
-
-// What the library calls again and again, here and in Thrust. Streams, events and attributes of kernels and devices are left
-// alone.
-#define cudaMalloc(memory, bytes) turbomap_test::counted_malloc(memory, bytes)
-#define cudaMallocHost(memory, bytes) turbomap_test::counted_malloc_host(memory, bytes)
-#define cudaLaunchKernel(...) turbomap_test::counted_launch(__VA_ARGS__)
-#define cudaLaunchKernelExC(...) turbomap_test::counted_cluster_launch(__VA_ARGS__)
-#define cudaPointerGetAttributes(...) turbomap_test::counted_look(__VA_ARGS__)
-#define cudaStreamQuery(stream) turbomap_test::query_of_lost(stream)
-#define cudaMemcpyAsync(...) turbomap_test::counted_copy(__VA_ARGS__)
-#define cudaMemsetAsync(...) turbomap_test::counted_fill(__VA_ARGS__)
-#define cudaStreamSynchronize(stream) turbomap_test::counted_wait(stream)
+#include "support/failing_device.cuh"
 
 #include <thrust/system/cuda/execution_policy.h>
 
@@ -108,6 +27,18 @@ failures_met failures_on_device(int keyframes) {
   device_run run(scene, c.options, {}, on.policy(), store_of_failures());
   const failures_met met = map_with_failures<Failure, Error>(run, scene, keyframes);
   CHECK(cudaGetLastError() == cudaSuccess);  // no error is left behind for somebody else's next call
+  return met;
+}
+
+template <class Failure, class Error>
+closing_failures closing_on_device() {
+  const stream on;
+  const auto c = case_of_failures();
+  const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
+  device_run run(scene, c.options, {}, on.policy(), store_of_failures());
+  run.steps(10);
+  const closing_failures met = close_with_failures<Failure, Error>(run);
+  CHECK(cudaGetLastError() == cudaSuccess);
   return met;
 }
 
@@ -153,6 +84,18 @@ TEST_CASE("every launch, copy and wait may fail") {
     CHECK(met.inserting >= 8);  // a copy and a wait each
     CHECK(met.processing > 100);
     CHECK(met.adjusted > 1);
+  }
+}
+
+TEST_CASE("every allocation, launch, copy and wait of what loop closing calls may fail") {
+  const auto memory = closing_on_device<failure_of<allocations, true>, std::bad_alloc>();
+  CHECK(memory.adjusting > 0);
+  const auto once = closing_on_device<failure_of<work, false>, turbomap::device_error>();
+  const auto lost = closing_on_device<failure_of<work, true>, turbomap::device_error>();
+  for (const auto& met : {once, lost}) {
+    CHECK(met.fusing > 10);
+    CHECK(met.adjusting > 50);
+    CHECK(met.updating > 0);
   }
 }
 

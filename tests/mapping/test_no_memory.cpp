@@ -8,7 +8,7 @@
 
 #include <thrust/execution_policy.h>
 
-#include "inertial_mapper_cases.hpp"
+#include "inertial_failure_cases.hpp"
 #include "no_memory_cases.hpp"
 #include "scenes/mirrored_map.hpp"
 #include "support/counted_new.hpp"
@@ -40,37 +40,12 @@ void check_insert_and_process() {
 TEST_CASE_TEMPLATE("every allocation of insert and process may fail, with all after it", Map, flat, mirrored_flat) {
   check_insert_and_process<Map, no_memory_after>();
 }
-TEST_CASE("every allocation of insert and process may fail, alone") { check_insert_and_process<flat, no_memory_once>(); }
+TEST_CASE("every allocation of insert and process may fail, alone") {
+  check_insert_and_process<flat, no_memory_once>();
+}
 
 TEST_CASE("every allocation of a mapper with an IMU may fail, while it culls and bridges motions") {
-  const mapping_recipe recipe = noisy_recipe();
-  const mapping_scene<pinhole_camera> scene(pinhole_rig(50), recipe);
-  const true_motion motion{scene};
-  inertial_mapping<mapped_inertial, sequential_policy> run(scene, culled_inertial_options(recipe));
-  run.map.set_gravity(motion.gravity);
-  std::size_t culled = 0;
-  int failed = 0, inertial = 0;
-  for (int n = 0; n < 20; ++n) {
-    CAPTURE(n);
-    const auto k = track(run, motion);
-    run.map.set_initialised(n >= 10);
-    const auto process = [&] { run.mapper.process(k); };
-    if (n >= 8)
-      failed += fail_everywhere<no_memory_after>(process, [&] {
-        REQUIRE(turbomap::validate(run.map).empty());
-        REQUIRE(run.store.statistics().pinned_sets == 0);
-      });
-    else
-      process();
-    const auto& report = run.mapper.report();
-    CHECK(report.refused.empty());
-    culled += report.keyframes_culled.size(), inertial += report.adjustment.inertial ? 1 : 0;
-  }
-  CHECK(failed > 100);
-  CHECK(inertial == 10);
-  CHECK(culled > 2);
-  for (std::size_t i = 1; i < run.keyframes().size(); ++i)
-    if (run.map.alive(run.keyframes()[i])) CHECK(run.map.motion(run.keyframes()[i]) != nullptr);
+  CHECK(map_inertial_with_failures<no_memory_after>(sequential_policy(), 20) > 100);
 }
 
 TEST_CASE("every allocation of an initialisation may fail: the map is as it was") {
@@ -107,17 +82,10 @@ TEST_CASE("every allocation of what loop closing calls may fail") {
   const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
   adjusted_run<flat> run(scene, c.options, {}, sequential_policy(), store_of_failures());
   run.steps(10);
-  const auto last = run.keyframes().back();
-  const auto sound = [&] {
-    REQUIRE(turbomap::validate(run.map).empty());
-    REQUIRE(run.store.statistics().pinned_sets == 0);
-  };
-  CHECK(fail_everywhere<no_memory_after>([&] { run.mapper.fuse_around(last); }, sound) > 0);
-  CHECK(fail_everywhere<no_memory_after>([&] { run.mapper.adjust_globally(last, {}); }, sound) > 10);
-  std::vector<turbomap::map_point_id> points;
-  turbomap::map_traits<flat>::for_each_point(run.map, [&](turbomap::map_point_id p) { points.push_back(p); });
-  const turbomap::span<const turbomap::map_point_id> all(points.data(), points.size());
-  CHECK(fail_everywhere<no_memory_after>([&] { run.mapper.update_appearance(all); }, sound) > 0);
+  const closing_failures met = close_with_failures<no_memory_after>(run);
+  CHECK(met.fusing > 0);
+  CHECK(met.adjusting > 10);
+  CHECK(met.updating > 0);
 }
 
 }  // namespace
