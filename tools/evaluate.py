@@ -11,8 +11,7 @@ that times can be quoted. Results are kept in the work folder: a run that was cu
     tools/evaluate.py --out evaluation                      everything, into the folder evaluation/
     tools/evaluate.py --quick --out evaluation              one policy's stress test, few simulated recordings
     tools/evaluate.py --quick --docs docs/evaluation.md     ... and into the page, with the figures as CSV beside it
-    tools/evaluate.py --check docs/evaluation.md            whether the page shows those figures and no other
-"""
+    tools/evaluate.py --check docs/evaluation.md            whether the page shows those figures and no other"""
 
 import csv
 import datetime
@@ -46,15 +45,18 @@ ABLATION = {"search_exact": "search", "creation": "creation", "duplicates": "fus
 # Of the size of these three problems of BAL: cameras, points, observations.
 GENERATED = {"Ladybug-1723": "1723,156502,678718", "Venice-1778": "1778,993923,5001946", "Final-13682": "13682,4456117,28987644"}
 SECONDS_PER_KEYFRAME = 0.015  # of a replay, for a first guess of the time left
-SECONDS_OF_BENCH, SECONDS_OF_BUNDLE, SECONDS_OF_GENERATED = 3, 5, 20  # per repetition of all snapshots of a recording; per problem
+SECONDS_OF_BENCH, SECONDS_OF_BUNDLE, SECONDS_OF_GENERATED = 3, 2, 20  # per repetition of all snapshots of a recording; per problem
+SECONDS_OF_BUNDLE_PER_MB = 2  # of a BAL file
 KERNEL_TIMES = "libturbomap-kernel-times.so"
 CUPTI = ("/usr/local/cuda/lib64/libcupti.so", "/usr/local/cuda/extras/CUPTI/lib64/libcupti.so")
+ONE_THREAD = "one thread"
 BEGIN, END = "<!-- evaluate: begin -->", "<!-- evaluate: end -->"
 COLOURS = ["#06c", "#c60", "#090", "#b0b", "#888", "#c22"]
 
 
 def parse_arguments():
-    p = replays.common_arguments(__doc__.split("\n\n")[0])
+    what, how, examples = __doc__.split("\n\n")
+    p = replays.common_arguments(f"{what}\n\n{how}", "examples:\n" + examples)
     p.add_argument("--quick", action="store_true", help="stress test under one policy, one simulated trajectory, fewer repetitions")
     p.add_argument("--runs", type=int, help="replays of each recording and policy, of which the fastest counts; default 3, --quick 2")
     p.add_argument("--policies", type=replays.words, help="default: seq, omp, tbb and cuda, as far as they run here")
@@ -70,6 +72,7 @@ def parse_arguments():
     p.add_argument("--docs", type=pathlib.Path, metavar="PAGE", help="write the tables between the marks of this page too")
     p.add_argument("--check", type=pathlib.Path, metavar="PAGE", help="compare this page with the CSV beside it, and end")
     args = p.parse_args()
+    args.given = given(args)
     args.policy, args.seeds, args.noise, args.drift = "seq", ["1"], ["0.5"], "0.01"
     args.rigs = [rig for rig in replays.RIGS if rig != "mono" and not (args.no_inertial and rig.endswith("inertial"))]
     args.seconds = []  # that each program took whose results are shown, also in a run before this one
@@ -77,6 +80,17 @@ def parse_arguments():
     args.keyframes = args.keyframes or (40 if args.quick else 100)
     args.trajectories = args.trajectories or (["builtin"] if args.quick else None)
     return args
+
+
+def given(args):
+    """The options that say what is run and how, as they were given; not those that say where."""
+    shown = []
+    for name in ("quick", "runs", "policies", "trajectories", "keyframes", "no_recorded", "no_simulated", "no_inertial", "no_times", "options"):
+        value = getattr(args, name)
+        if value:
+            words = ",".join(value) if isinstance(value, list) else str(value)
+            shown.append("--" + name.replace("_", "-") + ("" if value is True else f" '{words}'" if " " in words else f" {words}"))
+    return " ".join(shown)
 
 
 # --- the recorded system ------------------------------------------------------------------------------------------------
@@ -183,7 +197,7 @@ def minutes(seconds):
 
 
 def run_all(args, made, names):
-    """What every program said: replays {(case name, policy, what): JSON}, Ceres' clock, BAL problems, generated ones, stages alone, what
+    """What every program said: replays {(case name, policy, what): JSON}, Ceres' clock, BAL problems by (name, policy), generated ones, stages alone, what
     became of each stage on a device, and what went wrong besides the replays [(recording or problem, policy, what, fault)]."""
     jobs = []  # (weight, name, work)
     results, measured, adjusted, made_problems, alone, device, faults = {}, {}, {}, {}, {}, {}, []
@@ -243,8 +257,10 @@ def run_all(args, made, names):
     if not args.no_times:
         jobs.append((SECONDS_OF_BUNDLE, "Ceres' clock", lambda: keep(measured, "Ceres' clock", "synthetic-lba", ceres_clock(args))))
         for problem in sorted(args.data.glob("bal*/problem*.txt")):
-            jobs.append((SECONDS_OF_BUNDLE, problem.stem, lambda problem=problem: keep(
-                adjusted, problem.stem, "bundle adjustment", bundle(args, problem))))
+            seconds = SECONDS_OF_BUNDLE + SECONDS_OF_BUNDLE_PER_MB * problem.stat().st_size / 1e6
+            for policy in ("-", "cuda") if "cuda" in names else ("-",):
+                jobs.append((seconds, f"{problem.stem}, {policy}", lambda problem=problem, policy=policy: keep(
+                    adjusted, (problem.stem, policy), "bundle adjustment", bundle(args, problem, policy), policy)))
         for name, size in GENERATED.items() if "cuda" in names and not args.quick and (args.bin / "turbomap-bundle").exists() else ():
             jobs.append((SECONDS_OF_GENERATED, f"generated, as {name}", lambda name=name, size=size: keep(
                 made_problems, name, "generated", generated(args, size), "cuda")))
@@ -305,18 +321,28 @@ def read_csv(path):
     return list(tables.values())
 
 
+def said_by(*command):
+    """What a command prints; '' where there is none, or it fails."""
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+
+
 def machine(args, names, clock):
-    given = [o for o in ("quick", "no_times", "no_inertial", "no_recorded", "no_simulated") if getattr(args, o)]
-    options = " ".join("--" + o.replace("_", "-") for o in given)
-    t = table("Machine", "Where and when these figures were printed.", ["fact"])
+    t = table("Machine", "Where and when these figures were printed, and by which options. The commit has a + where the working tree had changes.",
+              ["fact"])
     model = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")),
                  platform.processor()) if os.path.exists("/proc/cpuinfo") else platform.processor()
-    head = subprocess.run(["git", "-C", str(replays.ROOT), "rev-parse", "--short", "HEAD"], capture_output=True, text=True)
-    for fact, value in (("processor", f"{model}, {os.cpu_count()} threads"), ("date", datetime.date.today().isoformat()),
-                        ("commit of the programs", args.commit or head.stdout.strip() or "unknown"), ("policies", ", ".join(names)),
-                        ("options", options or "none"),
+    head = said_by("git", "-C", str(replays.ROOT), "rev-parse", "--short", "HEAD")
+    if head and said_by("git", "-C", str(replays.ROOT), "status", "--porcelain", "--untracked-files=no"):
+        head += "+"
+    devices = said_by("nvidia-smi", "--query-gpu=name,driver_version", "--format=csv,noheader") if "cuda" in names else ""
+    for fact, value in (("processor", f"{model}, {os.cpu_count()} threads"), ("device, driver", "; ".join(devices.split("\n")) or None),
+                        ("date", datetime.date.today().isoformat()), ("commit of the programs", args.commit or head or "unknown"),
+                        ("policies", ", ".join(names)), ("options", args.given or "none"),
                         ("wall clock of the programs, one after the other", minutes(sum(args.seconds))),
-                        ("Ceres' clock", f"{clock:.1f} ms per iteration" if clock else "not measured")):
+                        ("Ceres' clock", f"{clock:.1f} ms per iteration" if clock else "not measured: no turbomap-ceres-bundle")):
         t.add([fact], {"value": value})
     return t
 
@@ -388,10 +414,13 @@ def kept(args, program, name, command, **more):
     return found
 
 
-def bundle(args, problem):
-    """What turbomap-ceres-bundle says of a BAL file, or turbomap-bundle where Ceres is not; {}: there is neither."""
-    program = next((p for p in (args.bin / "turbomap-ceres-bundle", args.bin / "turbomap-bundle") if p.exists()), None)
-    return kept(args, program, problem.stem, [str(problem), "--iterations", "50", "--repeat", "3"]) if program else {}
+def bundle(args, problem, policy):
+    """What turbomap-ceres-bundle says of a BAL file with one thread, or turbomap-bundle where Ceres is not, or with policy cuda; {}: there is
+    no such program."""
+    programs = ("turbomap-bundle",) if policy == "cuda" else ("turbomap-ceres-bundle", "turbomap-bundle")
+    program = next((p for p in (args.bin / name for name in programs) if p.exists()), None)
+    more = ["--policy", "cuda"] if policy == "cuda" else []
+    return kept(args, program, problem.stem + "".join(more), [str(problem), "--iterations", "50", "--repeat", "3", *more]) if program else {}
 
 
 def generated(args, size):
@@ -412,7 +441,7 @@ def generated(args, size):
 
 
 def table_generated(found_by_name):
-    t = table("Bundle adjustment of generated problems on a device", "As large as three problems of BAL, but made: a street, from small errors, "
+    t = table("Bundle adjustment of generated problems on a device", "About as large as three problems of BAL, but made: a street, from small errors, "
               "without outliers. Mixed precision, conjugate gradients. ms of the adjustment to within 1 % of the best cost of ten iterations, "
               "median of two, after the set-up.", ["as"])
     for name, found in found_by_name.items():
@@ -492,26 +521,30 @@ def costs_over_time(found, who="turbomap"):
     return [(0, run["cost_initial"]), *zip(times, costs)] if costs else []
 
 
-def best_cost(found):
-    return min(cost for cost in (get(found.get("turbomap", found), "cost_final"), get(found, "ceres", "cost_final")) if cost is not None)
+def best_cost(*founds):
+    """The lowest final cost of ours or of Ceres."""
+    return min(cost for found in founds for cost in (get(found.get("turbomap", found), "cost_final"), get(found, "ceres", "cost_final"))
+               if cost is not None)
 
 
-def time_to_best(found, who="turbomap"):
+def time_to(best, found, who="turbomap"):
     """ms to within 1 % of the best cost."""
-    line, best = costs_over_time(found, who), best_cost(found)
-    return next((ms for ms, cost in line if cost <= 1.01 * best), "not reached") if line else None
+    line = costs_over_time(found, who)
+    return next((ms for ms, cost in line if cost is not None and cost <= 1.01 * best), "not reached") if line else None
 
 
-def table_bundle(found_by_name):
-    t = table("Bundle adjustment of BAL files", "One thread, at most 50 iterations, of 3 runs that of the median time; ms without the set-up. The best cost: the "
-              "lowest that ours or Ceres reached.", ["problem"])
-    for name, found in found_by_name.items():
-        ours = found.get("turbomap", found)
-        t.add([name], {"cost at the start": get(ours, "cost_initial"), "final cost": get(ours, "cost_final"),
-                       "Ceres: final cost": get(found, "ceres", "cost_final"), "iterations": get(ours, "iterations"),
-                       "ms per iteration": get(ours, "ms_per_iteration"),
-                       "Ceres: ms per iteration": get(found, "ceres", "ms_per_iteration"),
-                       "ms to within 1 % of the best cost": time_to_best(found), "Ceres: the same": time_to_best(found, "ceres")})
+def table_bundle(adjusted):
+    t = table("Bundle adjustment of BAL files", "At most 50 iterations, of 3 runs that of the median time; ms without the set-up. The best cost: "
+              "the lowest that ours or Ceres reached. Time to within 1 % of it: of ours so many iterations of mean time, of Ceres what it says "
+              "of each.", ["problem", "who"])
+    for (name, policy), found in adjusted.items():
+        best = best_cost(*(other for (problem, _), other in adjusted.items() if problem == name))
+        for who, run in ((ONE_THREAD if policy == "-" else policy, found.get("turbomap", found)), ("Ceres", found.get("ceres", {}))):
+            t.add([name, who], {"cost at the start": get(run, "cost_initial"), "final cost": get(run, "cost_final"),
+                                "iterations": get(run, "iterations") or len(run.get("costs", [])) or None,
+                                "ms per iteration": get(run, "ms_per_iteration"),
+                                "ms to within 1 % of the best cost": time_to(best, found, "ceres" if who == "Ceres" else "turbomap")
+                                if run else None})
     return t
 
 
@@ -734,14 +767,22 @@ def running_median(values, half=5):
     return [(i, statistics.median(values[max(0, i - half):i + half + 1])) for i in range(len(values))]
 
 
-def plots(made, names, results, adjusted):
+def plot_of_costs(name, lines, best):
+    """`lines`: {who: [(ms, cost)]}"""
+    above = {who: [(ms, max(math.log10(cost / best), 0)) for ms, cost in line if cost is not None] for who, line in lines.items()}
+    return plot(f"{name}: cost over time", "ms", "log10 of cost / best cost", above)
+
+
+def plots(made, names, results, adjusted, made_problems):
     """{file name: SVG}"""
     drawn = {}
-    for name, found in adjusted.items():
-        best = best_cost(found)
-        line = [(ms, max(math.log10(cost / best), 0)) for ms, cost in costs_over_time(found)] if best > 0 else []
-        theirs = [(ms, max(math.log10(cost / best), 0)) for ms, cost in costs_over_time(found, "ceres")] if best > 0 else []
-        drawn[file_name("cost " + name)] = plot(f"{name}: cost over time", "ms", "log10 of cost / best cost", {"ours": line, "Ceres": theirs})
+    for name in dict.fromkeys(problem for problem, _ in adjusted):
+        founds = {policy: found for (problem, policy), found in adjusted.items() if problem == name}
+        lines = {ONE_THREAD if policy == "-" else policy: costs_over_time(found) for policy, found in founds.items()}
+        lines["Ceres"] = costs_over_time(founds.get("-", {}), "ceres")
+        drawn[file_name("cost " + name)] = plot_of_costs(name, lines, best_cost(*founds.values()))
+    for name, found in made_problems.items():
+        drawn[file_name("cost generated as " + name)] = plot_of_costs(f"generated, as {name}", {"cuda": costs_over_time(found)}, found["best"])
     for case in made:
         lines = {}
         for policy in names:
@@ -888,7 +929,7 @@ def main():
             failed.add([name, policy, what], {"fault": fault.split("\n")[-1]})
         tables.append(failed)
     tables = [t for t in tables if t and t.rows]
-    drawn = {} if args.no_times else plots(made, names, results, adjusted)
+    drawn = {} if args.no_times else plots(made, names, results, adjusted, made_problems)
     args.out.mkdir(parents=True, exist_ok=True)
     write_csv(args.out / "evaluation.csv", tables)
     shown = [*tables, *([table_plots(made, drawn, "")] if drawn else [])]

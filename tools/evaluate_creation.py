@@ -45,12 +45,14 @@ def positive(text):
     return int(text)
 
 
-def common_arguments(description):
-    p = argparse.ArgumentParser(description=description, allow_abbrev=False)
-    p.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/release/bin", help="folder of the programs")
+def common_arguments(description, examples=None):
+    p = argparse.ArgumentParser(description=description, epilog=examples, allow_abbrev=False,
+                                formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/release/bin", help="folder of the programs; default: build/release/bin")
     p.add_argument("--data", type=pathlib.Path, default=os.environ.get("TURBOMAP_DATA_DIR") or ROOT / "../shared/data",
-                   help="folder of recordings/ and trajectories/, either of which may be missing")
-    p.add_argument("--work", type=pathlib.Path, default=ROOT / "build/evaluation", help="folder for what is made")
+                   help="folder of recordings/ and trajectories/, either of which may be missing; default: TURBOMAP_DATA_DIR, or ../shared/data")
+    p.add_argument("--work", type=pathlib.Path, default=ROOT / "build/evaluation",
+                   help="folder for what is made, and kept: a run that was cut off goes on where it was; default: build/evaluation")
     return p
 
 

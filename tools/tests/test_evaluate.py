@@ -174,8 +174,9 @@ class evaluation(unittest.TestCase):
         self.assertLess(abs(fusion / (200 / 85) - 1), 0.06)
         self.assertEqual(self.figure("The same map every time", ("euroc_tiny",), "different"), "none")
         bundle = "Bundle adjustment of BAL files"
-        self.assertEqual(self.figure(bundle, ("problem-1",), "ms to within 1 % of the best cost"), "8")
-        self.assertEqual(self.figure(bundle, ("problem-1",), "Ceres: the same"), None)
+        self.assertEqual(self.figure(bundle, ("problem-1", "one thread"), "ms to within 1 % of the best cost"), "8")
+        self.assertEqual([key for t in evaluate.read_csv(self.root / "out/evaluation.csv") if t.title == bundle for key, _ in t.rows],
+                         [("problem-1", "one thread")])
         ablation = "Ablation, composed of stages that were timed alone"
         self.assertEqual(self.figure(ablation, ("euroc_tiny", "seq", "none"), "sum"), "40")
         self.assertEqual(self.figure(ablation, ("euroc_tiny", "seq", "search"), "sum"), "20")
@@ -255,6 +256,7 @@ class evaluation(unittest.TestCase):
         made = "Bundle adjustment of generated problems on a device"
         self.assertEqual(self.figure(made, ("Venice-1778",), "ms to within 1 %"), "8")  # two of three iterations
         self.assertEqual(self.figure(made, ("Venice-1778",), "ms, all ten"), "40")
+        self.assertIn("polyline", (self.root / "out/cost_generated_as_Venice_1778.svg").read_text())
         before = len(self.replays())
         self.assertEqual(self.run_it("--policies", "cuda,seq", STUB_DEVICE="1").returncode, 0)
         self.assertEqual(len(self.replays()), before)  # kept, also what the profiler recorded
@@ -264,9 +266,15 @@ class evaluation(unittest.TestCase):
         (self.root / "bin/turbomap-ceres-bundle").chmod(0o755)
         self.assertEqual(self.run_it("--quick").returncode, 0)
         bundle = "Bundle adjustment of BAL files"
-        self.assertEqual(self.figure(bundle, ("problem-1",), "ms to within 1 % of the best cost"), "8")
-        self.assertEqual(self.figure(bundle, ("problem-1",), "Ceres: the same"), "70")
+        self.assertEqual(self.figure(bundle, ("problem-1", "one thread"), "ms to within 1 % of the best cost"), "8")
+        self.assertEqual(self.figure(bundle, ("problem-1", "Ceres"), "ms to within 1 % of the best cost"), "70")
+        self.assertEqual(self.figure(bundle, ("problem-1", "Ceres"), "iterations"), "2")
         self.assertIn("Ceres</text>", (self.root / "out/cost_problem_1.svg").read_text())
+
+    def test_help_tells_how_to_begin(self):
+        said = subprocess.run([sys.executable, str(TOOLS / "evaluate.py"), "--help"], capture_output=True, text=True).stdout
+        for words in ("goes on where it was", "examples:", "--check docs/evaluation.md"):
+            self.assertIn(words, said)
 
     def test_quick_replays_less(self):
         self.run_it("--quick")
@@ -332,13 +340,15 @@ class evaluation(unittest.TestCase):
         (self.root / "bin" / evaluate.KERNEL_TIMES).write_text("")
         quick = ("--quick", "--runs", "1", "--policies", "seq,cuda")
         self.assertEqual(self.run_it(*quick, STUB_DEVICE="1", STUB_FAILS="1").returncode, 1)
-        self.assertEqual(self.figure("Summary", ("failed",), "count"), "4")
-        for key in (("euroc_tiny", "seq", "stages alone"), ("problem-1", "-", "bundle adjustment"),
+        self.assertEqual(self.figure("Summary", ("failed",), "count"), "5")
+        for key in (("euroc_tiny", "seq", "stages alone"), ("problem-1", "-", "bundle adjustment"), ("problem-1", "cuda", "bundle adjustment"),
                     ("Ceres' clock", "-", "synthetic-lba"), ("euroc_tiny", "cuda", "kernels and transfers")):
             self.assertEqual(self.figure("Failed", key, "fault"), "out of order")
         self.assertEqual(self.run_it(*quick, STUB_DEVICE="1").returncode, 0)
         self.assertEqual(self.figure("Summary", ("failed",), "count"), "0")
         self.assertEqual(self.figure("Machine", ("Ceres' clock",), "value"), "35.0 ms per iteration")
+        self.assertEqual(self.figure("Machine", ("options",), "value"), "--quick --runs 1 --policies seq,cuda --no-simulated")
+        self.assertEqual(self.figure("Bundle adjustment of BAL files", ("problem-1", "cuda"), "ms to within 1 % of the best cost"), "8")
         self.assertEqual(self.figure("Creation and fusion: where the time goes", ("euroc_tiny", "cuda"), "fusion: transfers"), "0.1")
 
     def test_a_replay_that_fails_is_told(self):
