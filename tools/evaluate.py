@@ -58,7 +58,7 @@ def parse_arguments():
     what, how, examples = __doc__.split("\n\n")
     p = replays.common_arguments(f"{what}\n\n{how}", "examples:\n" + examples)
     p.add_argument("--quick", action="store_true", help="stress test under one policy, one simulated trajectory, fewer repetitions")
-    p.add_argument("--runs", type=int, help="replays of each recording and policy, of which the fastest counts; default 3, --quick 2")
+    p.add_argument("--runs", type=int, help="replays of each recording and policy, of which the fastest counts; default 3, --quick 1")
     p.add_argument("--policies", type=replays.words, help="default: seq, omp, tbb and cuda, as far as they run here")
     p.add_argument("--trajectories", type=replays.words, help="of simulated recordings; default: all, --quick: builtin")
     p.add_argument("--keyframes", type=int, help="per simulated recording; default 100, --quick 40")
@@ -76,7 +76,7 @@ def parse_arguments():
     args.policy, args.seeds, args.noise, args.drift = "seq", ["1"], ["0.5"], "0.01"
     args.rigs = [rig for rig in replays.RIGS if rig != "mono" and not (args.no_inertial and rig.endswith("inertial"))]
     args.seconds = []  # that each program took whose results are shown, also in a run before this one
-    args.runs = 1 if args.no_times else max(args.runs or (2 if args.quick else 3), 1)
+    args.runs = 1 if args.no_times else max(args.runs or (1 if args.quick else 3), 1)
     args.keyframes = args.keyframes or (40 if args.quick else 100)
     args.trajectories = args.trajectories or (["builtin"] if args.quick else None)
     return args
@@ -329,7 +329,7 @@ def said_by(*command):
         return ""
 
 
-def machine(args, names, clock):
+def machine(args, names, clock, results):
     t = table("Machine", "Where and when these figures were printed, and by which options. The commit has a + where the working tree had changes.",
               ["fact"])
     model = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")),
@@ -340,6 +340,7 @@ def machine(args, names, clock):
     devices = said_by("nvidia-smi", "--query-gpu=name,driver_version", "--format=csv,noheader") if "cuda" in names else ""
     for fact, value in (("processor", f"{model}, {os.cpu_count()} threads"), ("device, driver", "; ".join(devices.split("\n")) or None),
                         ("date", datetime.date.today().isoformat()), ("commit of the programs", args.commit or head or "unknown"),
+                        ("compiled by, for", "; ".join(dict.fromkeys(f["compiled"] for f in results.values() if "compiled" in f)) or None),
                         ("policies", ", ".join(names)), ("options", args.given or "none"),
                         ("wall clock of the programs, one after the other", minutes(sum(args.seconds))),
                         ("Ceres' clock", f"{clock:.1f} ms per iteration" if clock else "not measured: no turbomap-ceres-bundle")):
@@ -916,7 +917,7 @@ def main():
     summary.add(["recordings and set-ups"], {"count": len(made)})
     summary.add(["replays"], {"count": len(results)})
     summary.add(["failed"], {"count": len(faults)})
-    tables = [summary, machine(args, names, clock)]
+    tables = [summary, machine(args, names, clock, results)]
     if args.no_times:
         tables += [errors_of(times), table_determinism(made, results)]
     else:

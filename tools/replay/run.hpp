@@ -16,6 +16,7 @@
 #include <turbomap/io/trajectory.hpp>
 #include <turbomap/map/simple_map/simple_map.hpp>
 
+#include "bench/machine.hpp"
 #include "check.hpp"
 #include "growth.hpp"
 #include "keypoint_offset.hpp"
@@ -169,6 +170,7 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
   o.good = result.faults == 0;
   o.json = {{"recording", arguments.recording.string()},
             {"policy", arguments.policy},
+            {"compiled", turbomap_bench::compiled()},
             {"map", arguments.objects ? "objects" : "simple"},
             {"keyframes", recording.keyframe_count()},
             {"keyframes_left", result.keyframes_left},
