@@ -45,9 +45,21 @@ struct replay_row {
 struct global_result {
   std::vector<turbomap::rigid_transform<double>> T_cw_before;  ///< the last one; by keyframe, as replay_result::T_cw
   turbomap::local_adjustment_summary last;
-  turbomap::fusion_summary fused;  ///< in the rounds between them
-  std::vector<double> ms;          ///< each, with rounds and appearances
+  turbomap::fusion_summary fused;           ///< in the rounds between them
+  std::vector<double> ms;                   ///< each, with rounds and appearances
+  turbomap::guard_times adjusting, fusing;  ///< for how long adjust_globally() and fuse_around() held the map's guard
 };
+
+/// The times that came after `before`. Where `before` has a longer one, the longest is that of its bin, too large by an eighth
+/// at most.
+inline turbomap::guard_times since(const turbomap::guard_times& before, turbomap::guard_times all) {
+  const bool known = all.longest_ms > before.longest_ms;
+  all.count -= before.count, all.over_1_ms -= before.over_1_ms;
+  all.total_ms -= before.total_ms, all.commit_ms -= before.commit_ms;
+  for (int b = 0; b < turbomap::guard_times::bins; ++b) all.times[b] -= before.times[b];
+  if (!known) all.longest_ms = all.quantile(1);
+  return all;
+}
 
 /// What a replay leaves behind. Vectors by keyframe of the recording.
 struct replay_result {
@@ -252,11 +264,18 @@ class replayer {
     options.solve.numbers = arguments_.precision();
     result_.global.T_cw_before = poses();
     const double begin = now_ms();
-    result_.global.last = mapper_.adjust_globally(world_.id(query_), options);
+    const auto adjust = [&] {
+      const turbomap::guard_times before = mapper_.report().held[turbomap::mapping_stage::adjustment];
+      result_.global.last = mapper_.adjust_globally(world_.id(query_), options);
+      result_.global.adjusting += since(before, mapper_.report().held[turbomap::mapping_stage::adjustment]);
+    };
+    adjust();
     for (int round = 0; round < arguments_.global_rounds; ++round) {
+      const turbomap::guard_times before = mapper_.report().held[turbomap::mapping_stage::fusion];
       for (std::int32_t k = 0; k <= query_; ++k)
         if (world_.alive(k)) result_.global.fused += mapper_.fuse_around(world_.id(k));
-      result_.global.last = mapper_.adjust_globally(world_.id(query_), options);
+      result_.global.fusing += since(before, mapper_.report().held[turbomap::mapping_stage::fusion]);
+      adjust();
     }
     result_.global.ms.push_back(now_ms() - begin);
   }

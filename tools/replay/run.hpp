@@ -56,7 +56,16 @@ inline std::vector<stage_samples> stages_of(const std::vector<replay_row>& rows,
   return stages;
 }
 
-/// Mean, 99th percentile and longest time that the map's guard was held, by stage.
+/// Mean, 99th percentile and longest time that the map's guard was held.
+inline nlohmann::json to_json(const turbomap::guard_times& held) {
+  return {{"times", held.count},
+          {"ms_mean", held.total_ms / static_cast<double>(held.count)},
+          {"ms_p99", held.quantile(0.99)},
+          {"ms_max", held.longest_ms},
+          {"over_1_ms", held.over_1_ms}};
+}
+
+/// The same by stage.
 inline nlohmann::json guard_json(const std::vector<replay_row>& rows) {
   nlohmann::json json;
   for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) {
@@ -65,11 +74,7 @@ inline nlohmann::json guard_json(const std::vector<replay_row>& rows) {
     for (const replay_row& row : rows) all += row.report.held[stage];
     if (all.count == 0) continue;
     nlohmann::json& held = json[turbomap::to_string(stage)];
-    held = {{"times", all.count},
-            {"ms_mean", all.total_ms / static_cast<double>(all.count)},
-            {"ms_p99", all.quantile(0.99)},
-            {"ms_max", all.longest_ms},
-            {"over_1_ms", all.over_1_ms}};
+    held = to_json(all);
     // A search commits nothing; commits of stages that are not named here are not told apart.
     using turbomap::mapping_stage;
     if (stage == mapping_stage::search || stage == mapping_stage::creation || stage == mapping_stage::fusion)
@@ -234,6 +239,9 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
         {"free_keyframes", last.free_keyframes}, {"points", last.points},
         {"observations", last.observations},     {"outliers", last.outliers},
         {"merged", result.global.fused.merged},  {"observations_added", result.global.fused.observations_added}};
+    for (const auto& [call, held] :
+         {std::pair("adjust_globally", result.global.adjusting), std::pair("fuse_around", result.global.fusing)})
+      if (held.count != 0) o.json["guard_held"][call] = to_json(held);
     if (!arguments.quiet && arguments.global_end && recording.has_ground_truth())
       o.json["ate_before_global_rmse_m"] = trajectory_error(recording, result.global.T_cw_before, result.alive);
   }
