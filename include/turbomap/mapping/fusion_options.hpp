@@ -27,7 +27,7 @@ struct fusion_commit_options {
   merge_tolerance tolerance;  ///< of merge_rule::refuse_apart
   /// The stage applies so many entries of its plan while it holds the guard once, so that others may enter in between; each
   /// such part is checked as a whole before its first entry. Chosen for less than 1 ms on one core of 2025; 0: the whole plan at once.
-  int entries_per_guard = 48;
+  int entries_per_guard = 24;
 };
 
 /// Options of duplicate_fusion.
