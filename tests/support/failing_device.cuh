@@ -3,7 +3,7 @@
 #pragma once
 
 /// \file
-/// Lets calls of the CUDA runtime fail that a test chooses: allocations of device and pinned memory, and launches, copies and
+/// Lets those calls of the CUDA runtime fail that a test chooses: allocations of device and pinned memory, and launches, copies and
 /// waits. Included before Thrust and the library, whose calls it renames.
 
 #include <cuda_runtime.h>
