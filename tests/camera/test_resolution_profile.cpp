@@ -97,6 +97,7 @@ TEST_CASE("Brown-Conrady") {
   turbomap::brown_conrady<double> c{458, 457, 367, 248};
   c.k1 = -0.28, c.k2 = 0.074, c.p1 = 0.0002, c.p2 = 1.8e-5;
   check(c, {0, 0, 752, 480}, true);
+  CHECK(measure(c, {0, 0, 72, 76}).violations == 0);  // a corner of the image: few directions around the axis meet it
   c.k1 = 0.2, c.k2 = -0.05, c.p1 = 0.01, c.p2 = -0.008;
   check(c, {0, 0, 752, 480}, true);
 }

@@ -49,7 +49,7 @@ double least_resolution(const Camera& camera, const Eigen::Vector3d& ray) {
 }
 TURBOMAP_TEST_EIGEN_END
 
-/// An entry by its definition: 9 angles, 16 directions. NaN: a sample stands at the border of the image or of the model.
+/// An entry by its definition: 9 angles, 64 directions. NaN: a sample stands at the border of the image or of the model.
 template <class Camera>
 double plain_entry(const Camera& camera, const image_bounds& b, double least, int entry) {
   const double pi = std::acos(-1), reach = resolution_profile::margin / least, margin = resolution_profile::margin;
@@ -57,8 +57,8 @@ double plain_entry(const Camera& camera, const image_bounds& b, double least, in
   const double to = std::min(std::acos(1 - (entry + 1) / 16.0) + reach, pi);
   double smallest = std::numeric_limits<double>::infinity();
   for (int a = 0; a < 9; ++a)
-    for (int d = 0; d < 16; ++d) {
-      const double theta = from + (to - from) * a / 8, phi = 2 * pi * d / 16;
+    for (int d = 0; d < 64; ++d) {
+      const double theta = from + (to - from) * a / 8, phi = 2 * pi * d / 64;
       const Eigen::Vector3d ray(std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi), std::cos(theta));
       vec2<double> p{};
       if (!camera.project(vec3<double>{ray.x(), ray.y(), ray.z()}, p)) continue;
