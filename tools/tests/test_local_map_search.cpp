@@ -126,4 +126,22 @@ TEST_CASE("points, merges and observations are judged by what their keypoints sh
   CHECK(v.points_duplicate == 0);
 }
 
+TEST_CASE("times for which the guard was held since some that were noted") {
+  turbomap::guard_times before, later;
+  before.add(4), before.add(0.1);
+  later.add(0.5), later.add(2, true);
+  turbomap::guard_times all = before;
+  all += later;
+  const turbomap::guard_times found = turbomap_replay::since(before, all);
+  CHECK(found.count == 2);
+  CHECK(found.total_ms == doctest::Approx(2.5));
+  CHECK(found.commit_ms == doctest::Approx(2));
+  CHECK(found.over_1_ms == 1);
+  CHECK(found.quantile(0) == doctest::Approx(later.quantile(0)));
+  CHECK(found.longest_ms >= 2);  // 4 is not of these
+  CHECK(found.longest_ms <= 2.25);
+  all.add(8);
+  CHECK(turbomap_replay::since(before, all).longest_ms == 8);
+}
+
 }  // namespace
