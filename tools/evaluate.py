@@ -338,7 +338,7 @@ def machine(args, names, clock, results):
     if head and said_by("git", "-C", str(replays.ROOT), "status", "--porcelain", "--untracked-files=no"):
         head += "+"
     devices = said_by("nvidia-smi", "--query-gpu=name,driver_version", "--format=csv,noheader") if "cuda" in names else ""
-    for fact, value in (("processor", f"{model}, {os.cpu_count()} threads"), ("device, driver", "; ".join(devices.split("\n")) or None),
+    for fact, value in (("processor", f"{model}, {os.cpu_count()} threads"), ("device, driver", devices.replace("\n", "; ") or None),
                         ("date", datetime.date.today().isoformat()), ("commit of the programs", args.commit or head or "unknown"),
                         ("compiled by, for", "; ".join(dict.fromkeys(f["compiled"] for f in results.values() if "compiled" in f)) or None),
                         ("policies", ", ".join(names)), ("options", args.given or "none"),
