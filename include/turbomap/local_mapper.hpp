@@ -138,6 +138,7 @@ class local_mapper {
     }
     const in_progress processing(*this);
     const stage_keyframe k = read_mirror(current);
+    if (options_.enabled[mapping_stage::process]) report_.ms[mapping_stage::process] = progress_.elapsed_ms();
     stage(mapping_stage::process, k, &local_mapper::update_associated);
     stage(mapping_stage::point_culling, k, &local_mapper::cull_points);
     stage(mapping_stage::search, k, &local_mapper::search);
@@ -281,6 +282,7 @@ class local_mapper {
       const scope s = scope_of(mapping_stage::process);
       stage_keyframe k;
       std::size_t slot = 0;
+      working_.keep_room();
       s.in_parts(
           [&] {
             working_.begin();

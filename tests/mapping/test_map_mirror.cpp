@@ -420,7 +420,8 @@ TEST_CASE("an edit that ends between the list of a point and its slot: octaves a
   }
   SUBCASE("lost") { CHECK_THROWS_AS(turbomap::forget(mirror, a, 0), std::bad_alloc); }
   map.fails = false;
-  turbomap::look_again(mirror, p);
+  turbomap::plain_vector<turbomap::map_keyframe_id> alive;
+  turbomap::look_at_point(mirror, p, alive);
   CHECK(traits::octave_counts(mirror, p)[0] == counted);
 }
 
@@ -453,6 +454,36 @@ TEST_CASE("a merge of others is followed through points that the mirror has neve
   f.m.refresh();
   f.m.hear();
   CHECK(f.m.name(turbomap::resolve(f.m, p)) == last);
+}
+
+TEST_CASE("what tracking associates is counted at a point that was read before, as in a count of all") {
+  pointer_map map;
+  turbomap::map_mirror<pointer_map> mirror(map);
+  auto* const first = insert_keyframe(map, {make_keypoint(3), make_keypoint(4, 0, 5)}, 0, nullptr);
+  auto* const p = user_traits::add_point(map, {1, 2, 3}, first);
+  auto* const q = user_traits::add_point(map, {2, 2, 3}, first);
+  REQUIRE(turbomap::observe(map, p, first, 0));
+  REQUIRE(turbomap::observe(map, q, first, 1));
+  const auto of_p = mirror.number(p), of_q = mirror.number(q);
+  REQUIRE(turbomap::measurement_count(mirror, of_p) == 1);  // read, and counted
+  REQUIRE(turbomap::measurement_count(mirror, of_q) == 2);
+  // Both cameras of the next keyframe see p, the second one more finely.
+  auto* const k = insert_keyframe(map, {make_keypoint(2), make_keypoint(5, 0, 7), make_keypoint(1, 1)}, 1, nullptr);
+  REQUIRE(turbomap::observe(map, p, k, 0));
+  REQUIRE(turbomap::observe(map, q, k, 1));
+  REQUIRE(turbomap::observe(map, p, k, 2));
+  std::size_t slot = 0;
+  while (mirror.take_associations(mirror.number(k), slot, 1)) {
+  }
+  for (const auto& [number, name] : {std::pair(of_p, p), std::pair(of_q, q)}) {
+    CHECK(turbomap::measurement_count(mirror, number) == turbomap::measurement_count(map, name));
+    turbomap::map_mirror<pointer_map> anew(map);
+    const auto kept = traits::octave_counts(mirror, number), counted = traits::octave_counts(anew, anew.number(name));
+    REQUIRE(kept.size() == counted.size());
+    for (std::size_t o = 0; o < kept.size(); ++o) CHECK(kept[o] == counted[o]);
+  }
+  CHECK(traits::octave_counts(mirror, of_p)[1] == 1);
+  CHECK(traits::octave_counts(mirror, of_q)[5] == 1);
 }
 
 TEST_CASE("associations are read in parts; what was read before somebody said that all has changed is read anew") {

@@ -108,6 +108,20 @@ TEST_CASE_TEMPLATE("the same map, however long the parts are", Map, watched, mir
   }
 }
 
+TEST_CASE_TEMPLATE("the time of a stage has all in it for which it held the guard", Map, watched,
+                   mirrored_watched_map) {
+  const auto c = parted_case(50);
+  const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
+  run_of<Map> run(scene, c.options);
+  for (int n = 0; n < before + 2; ++n) {
+    const auto& report = run.step();
+    for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) {
+      CAPTURE(std::string(turbomap::to_string(static_cast<turbomap::mapping_stage>(s))));
+      CHECK(report.ms.values[s] + 1e-6 >= report.held.values[s].total_ms);
+    }
+  }
+}
+
 TEST_CASE("the whole map is moved between any two parts") {
   const auto c = parted_case(40);
   const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);

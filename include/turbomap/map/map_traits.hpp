@@ -177,7 +177,7 @@ template <class M, class T>
 using map_guard_member = if_lock<decltype(T::guard(std::declval<M&>()))>;
 /// Only the copy of a user's map that the library keeps has it: look_again.hpp.
 template <class M, class T>
-using map_look_member = decltype(T::look_again(std::declval<const M&>(), std::declval<point_of<T>>()));
+using map_look_member = decltype(T::look_again(std::declval<const M&>(), std::declval<keyframe_of<T>>()));
 /// The same: observation_counts.hpp.
 template <class M, class T>
 using map_measurements_member =

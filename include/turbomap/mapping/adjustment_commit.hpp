@@ -115,7 +115,7 @@ class adjustment_commit {
     in_parts(s, points().size(), most, summary,
              [&](std::size_t begin, std::size_t end) { write_positions(s.map, begin, end); });
     in_parts(s, outliers_.size(), most_rows, summary, [&](std::size_t begin, std::size_t end) {
-      checks_.assign(points().size(), unchecked);
+      nothing_is_checked();
       take_out(s, begin, end, options, summary);
     });
   }
@@ -164,8 +164,11 @@ class adjustment_commit {
     }
   }
   void write_positions(Map& map, std::size_t begin, std::size_t end) {
-    for (std::size_t p = begin; p < end; ++p)
-      if (unmoved(map, p)) traits::set_position(map, points()[p], positions[p]);
+    for_each_named_ahead<static_cast<unsigned>(point_data::entry)>(
+        map, end - begin, [&](std::size_t i) -> const point& { return points()[begin + i]; },
+        [&](std::size_t i, const point& p) {
+          if (unmoved(map, begin + i)) traits::set_position(map, p, positions[begin + i]);
+        });
   }
   void take_out(const scope& s, std::size_t begin, std::size_t end, const local_adjustment_options& options,
                 local_adjustment_summary& summary) {
@@ -181,6 +184,11 @@ class adjustment_commit {
       ++summary.outliers;
     }
   }
+  /// The guard was just taken.
+  void nothing_is_checked() {
+    checks_.assign(points().size(), unchecked);
+    alive_.clear();
+  }
   /// Whether the keypoint of a row sees its point yet, and neither contradicts the map. Each point is looked at once while the
   /// guard is held: see checks_.
   bool is_held(const Map& map, std::size_t i, fault_sink faults) {
@@ -189,7 +197,7 @@ class adjustment_commit {
     const auto l = static_cast<std::size_t>(row.landmark), keypoint = static_cast<std::size_t>(row.keypoint);
     std::uint8_t& check = checks_[l];
     if (check == unchecked) {
-      look_again(map, points()[l]);
+      look_at_point(map, points()[l], alive_);
       check = looked_at;
     }
     look_again(map, k, keypoint);
@@ -220,7 +228,7 @@ class adjustment_commit {
   /// Those of them that the map still has: of the next `most`. Throws inconsistent_map before anything is written. \return the
   /// end of what was looked at
   std::size_t find_outliers(const Map& map, std::size_t begin, std::size_t most, fault_sink faults) {
-    checks_.assign(points().size(), unchecked);
+    nothing_is_checked();
     const std::size_t end = beyond_.size() - begin < most ? beyond_.size() : begin + most;
     for (std::size_t n = begin; n < end; ++n)
       if (unmoved(map, static_cast<std::size_t>(window_.at(beyond_[n]).landmark)) && is_held(map, beyond_[n], faults))
@@ -245,6 +253,7 @@ class adjustment_commit {
   plain_vector<rigid_transform<double>> known_;  ///< by frame, as this commit read or wrote it last
   plain_vector<std::size_t> beyond_, outliers_;  ///< rows beyond their gate; those of them that are taken out
   plain_vector<std::uint8_t> checks_;            ///< by point, since the guard was taken
+  list_of<keyframe> alive_;                      ///< see look_at_point()
   list_of<point> lost_views_;
 };
 

@@ -108,7 +108,7 @@ class appearance_update {
                [&](std::size_t most) {
                  const std::size_t first = next;
                  next = updated_.size() - first < most ? updated_.size() : first + most;
-                 for_each_ahead<point_data::entry + point_data::appearance>(
+                 for_each_named_ahead<point_data::entry + point_data::appearance>(
                      s.map, next - first, [&](std::size_t i) { return points_[begin + first + i]; },
                      [&](std::size_t i, const point& p) { commit(s, options, first + i, p); });
                  return next < updated_.size();

@@ -125,7 +125,7 @@ class fusion_commit {
   void check(const Map& map, span<const duplicate<Distance>> plan, span<const keyframe> targets,
              span<const point> points, fault_sink faults) {
     std::size_t views = 0;
-    checked_.clear(), sound_.clear(), looked_at_.clear();
+    checked_.clear(), sound_.clear(), looked_at_.clear(), alive_.clear();
     for (std::size_t i = 0; i < plan.size(); ++i) {
       const auto& entry = plan[i];
       require(entry.target >= 0 && static_cast<std::size_t>(entry.target) < targets.size(), "plan[].target",
@@ -133,16 +133,28 @@ class fusion_commit {
       require(entry.point >= 0 && static_cast<std::size_t>(entry.point) < points.size(), "plan[].point", entry.point,
               "is not the number of a point");
       const keyframe k = targets[static_cast<std::size_t>(entry.target)];
-      look_again(map, k);
+      if (i == 0 || entry.target != plan[i - 1].target) look_again(map, k);
       if (!traits::alive(map, k)) continue;
       require(entry.keypoint >= 0 && static_cast<std::size_t>(entry.keypoint) < keypoint_count_of(map, k),
               "plan[].keypoint", entry.keypoint, "is not a keypoint of the target");
-      const point searched = points[static_cast<std::size_t>(entry.point)];
-      look_once(map, searched);
-      look_again(map, k, static_cast<std::size_t>(entry.keypoint));
-      if (!check_entry(map, k, static_cast<std::size_t>(entry.keypoint), resolve(map, searched), views, faults))
-        actions_[i] = fusion_action::refused;
     }
+    // First the points that were searched for, then those of the keypoints: what is looked at next is known, and asked for.
+    constexpr unsigned all = point_data::entry + point_data::views;
+    const auto searched = [&](std::size_t i) -> const point& {
+      return points[static_cast<std::size_t>(plan[i].point)];
+    };
+    for_each_named_ahead<all>(map, plan.size(), searched, [&](std::size_t, const point& p) { look_once(map, p); });
+    const auto target = [&](std::size_t i) { return targets[static_cast<std::size_t>(plan[i].target)]; };
+    const auto keypoint = [&](std::size_t i) { return static_cast<std::size_t>(plan[i].keypoint); };
+    const auto holder = [&](std::size_t i) {
+      return traits::alive(map, target(i)) ? traits::point_at(map, target(i), keypoint(i)) : point{};
+    };
+    for_each_named_ahead<all>(map, plan.size(), holder, [&](std::size_t i, const point&) {
+      if (!traits::alive(map, target(i))) return;
+      look_again(map, target(i), keypoint(i));
+      if (!check_entry(map, target(i), keypoint(i), resolve(map, searched(i)), views, faults))
+        actions_[i] = fusion_action::refused;
+    });
     scratch_.reserve(views + plan.size());  // each entry may add a view
     survivors_.reserve(survivors_.size() + plan.size());
   }
@@ -163,7 +175,7 @@ class fusion_commit {
   }
   void look_once(const Map& map, point p) {
     const std::size_t known = looked_at_.size();
-    if (looked_at_.place(map, p) == known) look_again(map, p);
+    if (looked_at_.place(map, p) == known) look_at_point(map, p, alive_);
   }
   bool check_once(const Map& map, point p, std::size_t& views, fault_sink faults) {
     const std::size_t known = sound_.size(), at = checked_.place(map, p);
@@ -205,6 +217,7 @@ class fusion_commit {
   }
 
   point_numbering<Map> looked_at_, checked_;
+  list_of<keyframe> alive_;           ///< see look_at_point()
   plain_vector<std::uint8_t> sound_;  ///< of each of them
   plain_vector<fusion_action> actions_;
   list_of<point> touched_, survivors_;

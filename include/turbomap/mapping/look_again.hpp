@@ -12,6 +12,7 @@
 
 #include "../config.hpp"
 #include "../map/map_traits.hpp"
+#include "../map/read_ahead.hpp"
 #include "../map/validate.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -20,10 +21,17 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map>
 inline constexpr bool is_copy_v = detail::map_has_v<Map, detail::map_look_member>;
 
-/// A point (all of it), or a keyframe (whether it is alive, and its pose).
-template <class Map, class Name>
-void look_again([[maybe_unused]] const Map& map, [[maybe_unused]] const Name& name) {
-  if constexpr (is_copy_v<Map>) map_traits<Map>::look_again(map, name);
+/// Whether a keyframe is alive, and its pose.
+template <class Map>
+void look_again([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe) {
+  if constexpr (is_copy_v<Map>) map_traits<Map>::look_again(map, keyframe);
+}
+/// All of a point that decides in a commit: whether it is alive, its reference, its observations, and their slots.
+/// \param alive  remembers which keyframes were found alive; empty when the guard is taken
+template <class Map, class List>
+void look_at_point([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point,
+                   [[maybe_unused]] List& alive) {
+  if constexpr (is_copy_v<Map>) map_traits<Map>::look_at_point(map, point, alive);
 }
 /// One slot of a keyframe.
 template <class Map>
@@ -54,7 +62,7 @@ void look_whether_alive([[maybe_unused]] const Map& map,
   if constexpr (is_copy_v<Map>) map_traits<Map>::look_whether_alive(map, point);
 }
 /// A point that is to be erased, and was found alive: its observations, and whether their slots agree.
-/// \param alive  remembers which keyframes were found alive; empty when the guard is taken
+/// \param alive  as look_at_point()
 template <class Map, class List>
 void look_before_erasing([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point,
                          [[maybe_unused]] List& alive) {
@@ -113,6 +121,14 @@ void look_at_points([[maybe_unused]] const Map& map,
                     [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe, [[maybe_unused]] int fewest,
                     [[maybe_unused]] std::size_t begin, [[maybe_unused]] std::size_t end) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::look_at_points(map, keyframe, fewest, begin, end);
+}
+
+/// for_each_ahead() of points that visit() looks at again, or writes: what the user's map has of them is asked for, too.
+template <unsigned What, class Map, class At, class Visit>
+void for_each_named_ahead(const Map& map, std::size_t count, At at, Visit visit) {
+  for_each_ahead<What>(
+      map, count, at, visit, [&](const auto& point) { ask_for_state(map, point); },
+      [&](const auto& point) { ask_for(map, point); });
 }
 
 /// Positions of points, read anew; those of dead points, and what is not finite, stay. \param positions  of each of them

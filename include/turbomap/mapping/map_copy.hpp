@@ -7,6 +7,7 @@
 /// forgotten. Lists of points and slots of keyframes say the same thing twice; wherever one of them is read, the other is made to
 /// agree, or is read anew.
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 
@@ -16,6 +17,7 @@
 #include "../plain_vector.hpp"
 #include "../types.hpp"
 #include "mirror_objects.hpp"
+#include "prefetch_named.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -104,7 +106,7 @@ class map_copy : public mirror_objects<Map> {
   }
   /// One slot: points that came into it, or left it, are to be read anew. \return whether it was not as it was last seen
   bool read_slot(std::size_t k, std::size_t i, const user_keyframe& name) {
-    const point now = number_in_slot(k, i, name);
+    const point now = number_in_slot(k, i, user_traits::point_at(map(), name, i));
     point& slot = keyframes[k].slots[i];
     const point before = slot;
     slot = now;
@@ -127,17 +129,19 @@ class map_copy : public mirror_objects<Map> {
     read_pose(at(k), name);
     const bool first = !keyframes[at(k)].has_keypoints;
     const std::size_t slots = keypoints(at(k)).size();
-    for (std::size_t done = first ? slots / 2 : 0; slot < slots && done < most; ++slot, ++done) {
-      const point before = keyframes[at(k)].slots[slot], now = number_in_slot(at(k), slot, name);
-      if (now == before) continue;
-      done += 3;
-      const observation o{k.index, static_cast<std::int32_t>(slot)};
-      if (points.known(now) && points.entries[at(now)].read != 0 && !lists(now, at(k), slot)) {
-        points.lists.add(at(now), o);
-        count_octaves(at(now));
+    for (std::size_t done = first ? slots / 2 : 0; slot < slots && done < most;) {
+      const std::size_t begin = slot, end = slots - slot < in_sight ? slots : slot + in_sight;
+      std::array<user_point, in_sight> names{};
+      look_ahead(at(k), begin, end, name, names.data());
+      for (; slot < end && done < most; ++slot, ++done) {
+        const point before = keyframes[at(k)].slots[slot], now = number_in_slot(at(k), slot, names[slot - begin]);
+        if (now == before) continue;
+        done += 3;
+        const observation o{k.index, static_cast<std::int32_t>(slot)};
+        if (points.known(now) && points.entries[at(now)].read != 0 && !lists(now, at(k), slot)) add_view(at(now), o);
+        keyframes[at(k)].slots[slot] = now;
+        if (points.known(before) && points.lists.erase(at(before), o)) count_octaves(at(before));
       }
-      keyframes[at(k)].slots[slot] = now;
-      if (points.known(before) && points.lists.erase(at(before), o)) count_octaves(at(before));
     }
     if (slot < slots) return true;
     keyframes[at(k)].read = forgotten_ ? 0 : 1;  // 0: the parts before are of another time
@@ -228,7 +232,8 @@ class map_copy : public mirror_objects<Map> {
   }
 
  private:
-  using objects::count_octaves, objects::lists;
+  using objects::add_view, objects::count_octaves, objects::lists;
+  static constexpr std::size_t in_sight = 16;  ///< slots that are read before the first of them is worked on
 
   void keep_old_list(std::size_t p) {
     old_.clear();
@@ -239,11 +244,23 @@ class map_copy : public mirror_objects<Map> {
   }
   /// What a slot holds now. Most often what it held before: its name tells, and nothing has to be looked up. Names are never used
   /// again (working_map.hpp): an equal name is the same point.
-  point number_in_slot(std::size_t k, std::size_t i, const user_keyframe& name) {
-    const user_point now = user_traits::point_at(map(), name, i);
+  point number_in_slot(std::size_t k, std::size_t i, const user_point& now) {
+    return is_in_slot(k, i, now) ? keyframes[k].slots[i] : number(now);
+  }
+  /// Whether the name is that of the point which the slot held before.
+  bool is_in_slot(std::size_t k, std::size_t i, const user_point& now) const {
     const point before = keyframes[k].slots[i];
-    const bool same = points.known(before) && points.alive(before.index) && points.names[at(before)] == now;
-    return same ? before : number(now);
+    return points.known(before) && points.alive(before.index) && points.names[at(before)] == now;
+  }
+  /// What the slots [begin, end) hold. Asks memory for the points that are new there, and for where they are looked up.
+  void look_ahead(std::size_t k, std::size_t begin, std::size_t end, const user_keyframe& name, user_point* now) {
+    for (std::size_t i = begin; i < end; ++i) {
+      now[i - begin] = user_traits::point_at(map(), name, i);
+      if (!is_in_slot(k, i, now[i - begin])) prefetch_named(now[i - begin]);
+    }
+    for (std::size_t i = begin; i < end; ++i)
+      if (!(now[i - begin] == user_point{}) && !is_in_slot(k, i, now[i - begin]))
+        points.prefetch_id(user_traits::id(map(), now[i - begin]));
   }
   /// Slots that have been read agree with the list of a point, or are read anew. \param expected  what the slot holds by the list
   void agree(const observation& o, point expected = {}) {

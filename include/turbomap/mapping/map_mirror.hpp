@@ -27,7 +27,7 @@
 TURBOMAP_BEGIN_NAMESPACE
 
 /// Numbers of keyframes and points are those of a simple_map: an index, dense, and a generation. All members but changed() and
-/// refresh() are for the thread of the mapper, under the map's guard. Memory per point: some 160 bytes, its name and descriptor,
+/// refresh() are for the thread of the mapper, under the map's guard except keep_room(). Memory per point: some 160 bytes, its name and descriptor,
 /// four bytes per pyramid level, 8 to 16 per observation, 24 for a covariance: about 350 for an ORB point with eight
 /// observations. Per keypoint of a keyframe 36 bytes.
 template <class Map>
@@ -72,6 +72,8 @@ class map_mirror {
     sample_.reset();
     reports_.take();
   }
+  /// Makes room for what a keyframe brings. The user's map is not read, so no guard is needed. Throws std::bad_alloc.
+  void keep_room() { copy_.points.keep_room(); }
   /// Before a keyframe is processed: numbers of merged points are free again, names of what is gone are let go, and what was
   /// reported is heard.
   void begin() {

@@ -248,7 +248,9 @@ struct map_traits<map_mirror<Map>> {
 
   /// @{
   /// See look_again.hpp.
-  static void look_again(const mirror& m, point p) { detail::look_at_point(m.copy(), p); }
+  static void look_at_point(const mirror& m, point p, plain_vector<keyframe>& alive) {
+    detail::look_at_point(m.copy(), p, alive);
+  }
   static void look_again(const mirror& m, keyframe k) { detail::look_at_keyframe(m.copy(), k); }
   static void look_again(const mirror& m, keyframe k, std::size_t i) { detail::look_at_slot(m.copy(), k, i); }
   static void look_at_slot(const mirror& m, keyframe k, std::size_t i) { detail::look_at_live_slot(m.copy(), k, i); }

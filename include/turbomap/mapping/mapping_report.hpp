@@ -59,7 +59,7 @@ struct per_stage {
 
 /// One iteration of local mapping.
 struct mapping_report {
-  per_stage<double> ms;              ///< wall time, locks included
+  per_stage<double> ms;              ///< wall time, locks included; `process` with all before it, as a mirror's reading
   per_stage<stage_outcome> outcome;  ///< what happened to each stage.
   per_stage<guard_times> held;       ///< the map's guard
   double total_ms = 0;               ///< of process(), locks included.

@@ -8,8 +8,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <memory>
-#include <type_traits>
 
 #include "../config.hpp"
 #include "../map/map_traits.hpp"
@@ -17,6 +15,7 @@
 #include "../prefetch.hpp"
 #include "map_copy.hpp"
 #include "mirror_sample.hpp"
+#include "prefetch_named.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -45,9 +44,28 @@ void look_at_keyframe(map_copy<Map>& copy, map_keyframe_id k) {
   if (!map_traits<Map>::alive(copy.map(), name)) return copy.lose_keyframe(copy.at(k));
   copy.read_pose(copy.at(k), name);
 }
-/// What decides about a point in a commit: whether it is alive, its reference, its observations.
+/// The slots that a list names, which was just read.
+/// \param alive  by place, keyframes that were found alive under the guard which the caller still holds; grows
 template <class Map>
-void look_at_point(map_copy<Map>& copy, map_point_id p) {
+void look_at_slots_of(map_copy<Map>& copy, std::size_t place, plain_vector<map_keyframe_id>& alive) {
+  auto& lists = copy.points.lists;
+  for (std::size_t n = 0; n < lists.of(place).size(); ++n) {
+    const observation o = lists.of(place)[n];
+    const map_keyframe_id k = copy.keyframes.at(o.keyframe);
+    const std::size_t at = copy.at(k), i = static_cast<std::size_t>(o.keypoint);
+    if (alive.size() <= at) alive.resize(copy.keyframes.size());
+    if (!(alive[at] == k) || copy.keyframes[at].read == 0) {
+      look_at_slot(copy, k, i);
+      if (copy.keyframes.alive(k.index)) alive[at] = k;
+    } else if (i < copy.keyframes[at].slots.size()) {
+      copy.read_slot(at, i, copy.name(k));
+    }
+  }
+}
+/// What decides about a point in a commit: whether it is alive, its reference, its observations and their slots.
+/// \param alive  as look_at_slots_of()
+template <class Map>
+void look_at_point(map_copy<Map>& copy, map_point_id p, plain_vector<map_keyframe_id>& alive) {
   using user = map_traits<Map>;
   auto& points = copy.points;
   if (!points.known(p) || !points.alive(p.index)) return;
@@ -59,27 +77,11 @@ void look_at_point(map_copy<Map>& copy, map_point_id p) {
     points.entries[place].reference = copy.number(user::reference(copy.map(), name), points.entries[place].reference);
     copy.read_list(place, name);
   }
-  for (std::size_t n = 0; n < points.lists.of(place).size(); ++n) {
-    const observation o = points.lists.of(place)[n];
-    look_at_slot(copy, copy.keyframes.at(o.keyframe), static_cast<std::size_t>(o.keypoint));
-  }
+  look_at_slots_of(copy, place, alive);
   copy.ensure(p);
 }
-/// Where the object of a name lies; 0 where nobody can say that without asking the name, which may be of what is gone: a handle
-/// may throw then.
-template <class Name>
-std::uintptr_t address_of([[maybe_unused]] const Name& name) {
-  if constexpr (std::is_pointer_v<Name>)
-    return reinterpret_cast<std::uintptr_t>(name);
-  else
-    return 0;
-}
-template <class Object>
-std::uintptr_t address_of(const std::shared_ptr<Object>& name) {
-  return reinterpret_cast<std::uintptr_t>(name.get());
-}
 /// What decides about a point that is to be erased, and has just been found alive: its observations, and their slots.
-/// \param alive  by place, keyframes that were found alive under the guard which the caller still holds; grows
+/// \param alive  as look_at_slots_of()
 template <class Map>
 void look_before_erasing(map_copy<Map>& copy, map_point_id p, plain_vector<map_keyframe_id>& alive) {
   auto& points = copy.points;
@@ -88,18 +90,7 @@ void look_before_erasing(map_copy<Map>& copy, map_point_id p, plain_vector<map_k
   copy.ensure(p);
   if (!points.alive(p.index)) return;
   copy.read_list(place, copy.name(p));
-  for (std::size_t n = 0; n < points.lists.of(place).size(); ++n) {
-    const observation o = points.lists.of(place)[n];
-    const map_keyframe_id k = copy.keyframes.at(o.keyframe);
-    const std::size_t at = copy.at(k), i = static_cast<std::size_t>(o.keypoint);
-    if (alive.size() <= at) alive.resize(copy.keyframes.size());
-    if (!(alive[at] == k) || copy.keyframes[at].read == 0) {
-      look_at_slot(copy, k, i);
-      if (copy.keyframes.alive(k.index)) alive[at] = k;
-    } else if (i < copy.keyframes[at].slots.size()) {
-      copy.read_slot(at, i, copy.name(k));
-    }
-  }
+  look_at_slots_of(copy, place, alive);
   copy.ensure(p);
 }
 /// Asks memory for what tells whether a point is alive, and its name.
@@ -110,15 +101,12 @@ void ask_for_state(map_copy<Map>& copy, map_point_id p) {
   copy.points.prefetch(p.index);
   prefetch_line(&copy.points.entries[place]), prefetch_line(&copy.points.names[place]);
 }
-/// Asks memory for the object behind the name of a point, which is mostly a few lines long.
+/// Asks memory for the object behind the name of a point.
 template <class Map>
 void ask_for(map_copy<Map>& copy, map_point_id p) {
   const std::size_t place = copy.at(p);
   if (place >= copy.points.size()) return;  // none
-  const std::uintptr_t object = address_of(copy.points.names[place]);
-  // An object may end before: as numbers, since no pointer may be formed beyond its end.
-  for (std::uintptr_t line = 0; object != 0 && line < 6; ++line)
-    prefetch_line(reinterpret_cast<const void*>(object + 64 * line));  // NOLINT(performance-no-int-to-ptr)
+  prefetch_named(copy.points.names[place]);
 }
 /// The same of a slot of a keyframe, and of its keypoint: what the mirror has of them.
 template <class Map>
@@ -147,7 +135,8 @@ void look_whether_alive(map_copy<Map>& copy, map_point_id p) {
 template <class Map>
 void look_at_position(map_copy<Map>& copy, map_point_id p) {
   if (!copy.points.known(p) || !copy.points.alive(p.index)) return;
-  const auto name = copy.name(p);
+  const auto& name =
+      copy.name(p);  // not a copy, whose count lies elsewhere: nothing moves the names before the last use
   if (!map_traits<Map>::alive(copy.map(), name))
     copy.read_point(copy.at(p));
   else

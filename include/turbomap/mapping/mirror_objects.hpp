@@ -121,6 +121,16 @@ class mirror_objects {
       if (o.keyframe == static_cast<std::int32_t>(k) && o.keypoint == static_cast<std::int32_t>(i)) return true;
     return false;
   }
+  /// One more observation of a point that has been read. The keypoints of its keyframe are here.
+  void add_view(std::size_t p, const observation& o) {
+    bool seen_yet = false;  // perhaps by another camera
+    for (const observation& other : points.lists.of(p)) seen_yet = seen_yet || other.keyframe == o.keyframe;
+    points.lists.add(p, o);
+    if (seen_yet) return count_octaves(p);
+    const int octave = octave_of(o);
+    if (octave >= 0) ++points.counts(p)[octave];
+    if (points.entries[p].measurements >= 0) points.entries[p].measurements += measurements_of(o);
+  }
   /// As recount().
   void count_octaves(std::size_t p) {
     const std::uint8_t read = points.entries[p].read;

@@ -64,6 +64,8 @@ class mirror_points {
   map_point_id at(std::int32_t place) const { return {place, places_.generation(place)}; }
   /// The place of an id, perhaps of what is no longer alive; id_numbers::none: it has none.
   std::int32_t find(std::uint64_t id) const { return numbers_.find(id); }
+  /// Asks memory for where an id is looked up.
+  void prefetch_id(std::uint64_t id) const { numbers_.prefetch(id); }
   /// Asks memory for what tells whether a point is alive.
   void prefetch(std::int32_t place) const { places_.prefetch(place); }
 
@@ -79,6 +81,13 @@ class mirror_points {
     make_room(merged_, n);
     numbers_.make_room(more);
     lists.open(n - 1);
+  }
+  /// Makes room for more points and observations than a keyframe mostly brings, where little is left: large lists are then not
+  /// moved under the guard of the user's map. Throws std::bad_alloc.
+  void keep_room() {
+    const std::size_t more = entries.size() / 8 + 256;
+    grow(more);
+    lists.keep_room(4 * more);
   }
   /// grow(), and asks memory for the places that the first of them get.
   void expect(std::size_t more) {

@@ -10,8 +10,10 @@
 #include <cstdint>
 
 #include "../config.hpp"
+#include "../map/read_ahead.hpp"
 #include "../types.hpp"
 #include "map_copy.hpp"
+#include "prefetch_named.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -59,9 +61,11 @@ class mirror_sample {
   std::size_t check_points(map_copy<Map>& copy, double share) {
     auto& points = copy.points;
     const double all = static_cast<double>(points.size()), wanted = share * all;
+    constexpr std::size_t ahead = detail::ahead_near;
     std::size_t stale = 0, left = wanted < all ? static_cast<std::size_t>(wanted) + 1 : points.size();
     for (; left > 0 && points.size() > 1; --left) {
       point_ = point_ + 1 < points.size() ? point_ + 1 : 1;
+      if (point_ + ahead < points.size()) prefetch_named(points.names[point_ + ahead]);
       if (!points.alive(static_cast<std::int32_t>(point_))) continue;
       if (points.entries[point_].read == 0) {  // nobody may ever ask for it again
         if (!map_traits<Map>::alive(copy.map(), points.names[point_])) copy.read_point(point_);

@@ -50,13 +50,10 @@ map_point_culling_summary cull_recent_points(Map& map, List& recent, std::int64_
         });
   } else {  // a copy has no views that cannot be looked at: what is to be erased is looked at again
     plain_vector<std::size_t> failing;
-    for_each_ahead<0>(
-        map, recent.size(), at,
-        [&](std::size_t i, const auto& point) {
-          look_whether_alive(map, point);
-          if (traits::alive(map, point) && fails(recent[i])) failing.push_back(i);
-        },
-        [&](const auto& point) { ask_for_state(map, point); }, [&](const auto& point) { ask_for(map, point); });
+    for_each_named_ahead<0>(map, recent.size(), at, [&](std::size_t i, const auto& point) {
+      look_whether_alive(map, point);
+      if (traits::alive(map, point) && fails(recent[i])) failing.push_back(i);
+    });
     list_of<typename traits::keyframe> alive;
     for_each_ahead<static_cast<unsigned>(point_data::views)>(
         map, failing.size(), [&](std::size_t n) -> const auto& { return at(failing[n]); },

@@ -29,6 +29,11 @@ class observation_pool {
   void open(std::size_t list) {
     if (lists_.size() <= list) lists_.resize(list + 1);
   }
+  /// Room for so many more observations, without any order of the lists, so that it is not made when they are added.
+  void keep_room(std::size_t more) {
+    const std::size_t size = elements_.size() + more;
+    if (elements_.capacity() < size) elements_.reserve(size + size / 2);
+  }
   /// The observations of a list that was opened; valid until a list is changed.
   span<const observation> of(std::size_t list) const {
     const block& b = lists_[list];
