@@ -116,22 +116,32 @@ class objects_map {
   }
 
   struct observation {
-    std::uint64_t number;
     keyframe_ptr keyframe;
     std::size_t keypoint;
   };
-  /// In the order in which they were added.
+  /// Calls f(keyframe, keypoint) in the order in which they were added.
+  template <class F>
+  void for_each_observation(const point_ptr& p, F f) const {
+    struct view {
+      std::uint64_t number;
+      std::size_t keypoint;
+      const std::weak_ptr<object_keyframe>* keyframe;
+    };
+    const auto copy = p->observations();
+    std::vector<view> list;
+    list.reserve(2 * copy.size());
+    for (const auto& [weak, views] : copy)
+      for (std::size_t c = 0; c < 2; ++c)
+        if (views.keypoint[c] >= 0)
+          list.push_back({views.number[c], static_cast<std::size_t>(views.keypoint[c]), &weak});
+    std::sort(list.begin(), list.end(), [](const view& a, const view& b) { return a.number < b.number; });
+    for (const view& v : list)
+      if (const keyframe_ptr k = v.keyframe->lock()) f(k, v.keypoint);
+  }
+  /// The same as a list.
   std::vector<observation> observations(const point_ptr& p) const {
     std::vector<observation> list;
-    const auto copy = p->observations();
-    list.reserve(2 * copy.size());
-    for (const auto& [weak, views] : copy) {
-      const keyframe_ptr k = weak.lock();
-      if (!k) continue;
-      for (std::size_t c = 0; c < 2; ++c)
-        if (views.keypoint[c] >= 0) list.push_back({views.number[c], k, static_cast<std::size_t>(views.keypoint[c])});
-    }
-    std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.number < b.number; });
+    for_each_observation(p, [&](const keyframe_ptr& k, std::size_t keypoint) { list.push_back({k, keypoint}); });
     return list;
   }
 
@@ -198,7 +208,7 @@ struct turbomap::map_traits<turbomap_program::objects_map<Camera>> {
   }
   template <class F>
   static void for_each_observation(const map& m, pt p, F f) {
-    for (const auto& o : m.observations(p)) f(o.keyframe, o.keypoint);
+    m.for_each_observation(p, f);
   }
   static void add_observation(map&, pt p, kf k, std::size_t i) { p->add_observation(k, i); }
   static void erase_observation(map&, pt p, kf k, std::size_t i) { p->erase_observation(k, i); }

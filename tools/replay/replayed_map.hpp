@@ -6,6 +6,7 @@
 /// Tracking's part of a replay: keyframes of the log enter the map, with the associations that tracking made. Only what
 /// tracking handed over is read, never the recorded results.
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -73,8 +74,10 @@ class replayed_map {
     return ids_.back();
   }
 
-  /// Tracking's associations: keypoints that see a point of the map.
+  /// Tracking's associations: keypoints that see a point of the map. As tracking does, which knows what its new keyframe sees:
+  /// the points' lists are not read, unless another keypoint of it sees the point too.
   void associate(std::int32_t i) {
+    seen_.clear();
     const auto range = recording_.associations(static_cast<std::size_t>(i));
     for (std::size_t row = range.begin; row < range.end; ++row) {
       if (is_new(row)) continue;
@@ -82,7 +85,14 @@ class replayed_map {
       if (p == point{}) p = point_of(recording_.assoc_ref2[row]);
       ++associations_;
       if (p == point{}) continue;
-      kept_ += turbomap::observe(map_, p, id(i), static_cast<std::size_t>(recording_.assoc_kp[row])) ? 1 : 0;
+      const auto keypoint = static_cast<std::size_t>(recording_.assoc_kp[row]);
+      if (map_.point_at(id(i), keypoint) != point{}) continue;
+      const std::uint64_t seen = traits::id(map_, p);
+      if (std::find(seen_.begin(), seen_.end(), seen) == seen_.end())
+        turbomap::observe_first(map_, p, id(i), keypoint), ++kept_;
+      else
+        kept_ += turbomap::observe(map_, p, id(i), keypoint) ? 1 : 0;
+      seen_.push_back(seen);
     }
   }
   /// Associations of the log, and those whose point is in this map.
@@ -105,7 +115,7 @@ class replayed_map {
       const auto in_camera = unit_ * (T_log * turbomap::cast<double>(recording_.assoc_pos[row]));
       const auto position = turbomap::inverse(turbomap::to_isometry<double>(map_.T_cw(id(i)))) * in_camera;
       const point p = map_.add_point(position, id(i));
-      turbomap::observe(map_, p, id(i), at);
+      turbomap::observe_first(map_, p, id(i), at);
       created_.push_back(p);
     }
     return created_;
@@ -182,6 +192,7 @@ class replayed_map {
   std::vector<std::vector<point>> remembered_;  ///< of culled keyframes: the point of each keypoint
   std::vector<turbomap::rigid_transform<double>> last_pose_;
   std::vector<point> created_;
+  std::vector<std::uint64_t> seen_;  ///< ids of points that the newest keyframe is associated with
   std::size_t associations_ = 0, kept_ = 0;
 };
 

@@ -143,13 +143,18 @@ class fusion_commit {
     const auto searched = [&](std::size_t i) -> const point& {
       return points[static_cast<std::size_t>(plan[i].point)];
     };
-    for_each_named_ahead<all>(map, plan.size(), searched, [&](std::size_t, const point& p) { look_once(map, p); });
+    constexpr std::size_t soon = detail::ahead_near / 2;  // the list of a point is there by then, and names its slots
+    for_each_named_ahead<all>(map, plan.size(), searched, [&](std::size_t i, const point& p) {
+      if (i + soon < plan.size()) ask_for_slots(map, searched(i + soon));
+      look_once(map, p);
+    });
     const auto target = [&](std::size_t i) { return targets[static_cast<std::size_t>(plan[i].target)]; };
     const auto keypoint = [&](std::size_t i) { return static_cast<std::size_t>(plan[i].keypoint); };
     const auto holder = [&](std::size_t i) {
       return traits::alive(map, target(i)) ? traits::point_at(map, target(i), keypoint(i)) : point{};
     };
     for_each_named_ahead<all>(map, plan.size(), holder, [&](std::size_t i, const point&) {
+      if (i + soon < plan.size()) ask_for_slots(map, holder(i + soon));
       if (!traits::alive(map, target(i))) return;
       look_again(map, target(i), keypoint(i));
       if (!check_entry(map, target(i), keypoint(i), resolve(map, searched(i)), views, faults))

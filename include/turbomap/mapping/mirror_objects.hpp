@@ -123,13 +123,18 @@ class mirror_objects {
   }
   /// One more observation of a point that has been read. The keypoints of its keyframe are here.
   void add_view(std::size_t p, const observation& o) {
-    bool seen_yet = false;  // perhaps by another camera
-    for (const observation& other : points.lists.of(p)) seen_yet = seen_yet || other.keyframe == o.keyframe;
+    int before = -1;  // the finest octave at which the keyframe saw it yet, by other cameras
+    for (const observation& other : points.lists.of(p)) {
+      if (other.keyframe != o.keyframe) continue;
+      const int octave = octave_of(other);
+      before = octave >= 0 && (before < 0 || octave < before) ? octave : before;
+    }
     points.lists.add(p, o);
-    if (seen_yet) return count_octaves(p);
-    const int octave = octave_of(o);
-    if (octave >= 0) ++points.counts(p)[octave];
     if (points.entries[p].measurements >= 0) points.entries[p].measurements += measurements_of(o);
+    const int octave = octave_of(o);
+    if (octave < 0 || (before >= 0 && before <= octave)) return;
+    ++points.counts(p)[octave];
+    if (before >= 0) --points.counts(p)[before];
   }
   /// As recount().
   void count_octaves(std::size_t p) {
