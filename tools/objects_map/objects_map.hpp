@@ -141,6 +141,7 @@ class objects_map {
   /// The same as a list.
   std::vector<observation> observations(const point_ptr& p) const {
     std::vector<observation> list;
+    list.reserve(8);  // mostly enough
     for_each_observation(p, [&](const keyframe_ptr& k, std::size_t keypoint) { list.push_back({k, keypoint}); });
     return list;
   }
@@ -178,7 +179,7 @@ struct turbomap::map_traits<turbomap_program::objects_map<Camera>> {
   static turbomap::rigid_transform<double> pose(const map&, kf k) { return k->pose(); }
   static void set_pose(map&, kf k, const turbomap::rigid_transform<double>& T_cw) { k->set_pose(T_cw); }
   static std::size_t keypoint_count(const map&, kf k) { return k->keypoints.size(); }
-  static turbomap::keypoint keypoint(const map&, kf k, std::size_t i) { return k->keypoints.at(i); }
+  static const turbomap::keypoint& keypoint(const map&, kf k, std::size_t i) { return k->keypoints.at(i); }
   static point point_at(const map&, kf k, std::size_t i) { return k->point(i); }
   static void set_point(map&, kf k, std::size_t i, pt p) { k->set_point(i, p); }
   static double time(const map&, kf k) { return k->time_s; }

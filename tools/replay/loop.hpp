@@ -34,7 +34,8 @@ namespace turbomap_replay {
 /// One keyframe of a replay.
 struct replay_row {
   turbomap::mapping_report report;
-  double insertion_ms = 0;  ///< into the store, and tracking's associations: part of 'process'
+  double insertion_ms = 0;  ///< into the store, and tracking's edits of the map: part of 'process'
+  double edits_ms = 0;      ///< of that, the edits: the keyframe, its associations, new points
   double total_ms = 0;
   double latency_ms = 0;                                    ///< from its arrival, in recorded time, to its end
   std::size_t points = 0, keyframes = 0, observations = 0;  ///< in the map afterwards
@@ -219,7 +220,9 @@ class replayer {
     query_ = i;
     const auto current = world_.add(i, keypoints_);
     imu_.arrived(world_.map(), current, i);
+    const double inserting = now_ms();
     mapper_.insert(current, data);
+    const double insert_ms = now_ms() - inserting;
     world_.associate(i);
     const double paused = now_ms();  // tracking's time, not mapping's
     if (arguments_.adjustment) tracker_(world_.map(), current);
@@ -230,6 +233,7 @@ class replayer {
     mapper_.watch(world_.create(i));
     world_.count_tracking(i);
     row.insertion_ms = now_ms() - begin;
+    row.edits_ms = row.insertion_ms - insert_ms;
     if (arguments_.merge_causes) merges_.begin(world_.map());
     row.report = mapper_.process(current);
     row.total_ms = row.insertion_ms;

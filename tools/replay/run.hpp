@@ -56,6 +56,13 @@ inline std::vector<stage_samples> stages_of(const std::vector<replay_row>& rows,
   return stages;
 }
 
+/// Mean time of what tracking itself writes to the map.
+inline double tracking_edits_ms(const std::vector<replay_row>& rows) {
+  turbomap::duration_statistics ms;
+  for (const replay_row& row : rows) ms.add(row.edits_ms);
+  return ms.mean();
+}
+
 /// Mean, 99th percentile and longest time that the map's guard was held.
 inline nlohmann::json to_json(const turbomap::guard_times& held) {
   return {{"times", held.count},
@@ -202,6 +209,7 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
             {"associate", arguments.projected ? "projected" : "recorded"},
             {"associations_projected", result.projected},
             {"associations_projected_kept", result.projected_kept},
+            {"tracking_edits_ms_mean", tracking_edits_ms(rows)},
             {"guard_held", guard_json(rows)},
             {"peak_device_bytes", arguments.policy == "cuda" ? result.store.peak_chunk_bytes : 0},
             {"store_bytes_per_keyframe", result.store.bytes_per_keyframe}};

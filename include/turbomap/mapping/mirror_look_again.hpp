@@ -8,6 +8,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 
 #include "../config.hpp"
 #include "../map/map_traits.hpp"
@@ -21,11 +22,15 @@ TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
-/// One slot of a keyframe that has just been found alive.
+/// One slot of a keyframe that has just been found alive. Where the user's map gives keypoints by reference, memory is asked for
+/// the keypoint: who adds or takes away the view counts it by that, and would wait.
 template <class Map>
 void look_at_live_slot(map_copy<Map>& copy, map_keyframe_id k, std::size_t i) {
   copy.ensure(k);
-  if (i < copy.keyframes[copy.at(k)].slots.size()) copy.read_slot(copy.at(k), i, copy.name(k));
+  if (i >= copy.keyframes[copy.at(k)].slots.size()) return;
+  if constexpr (std::is_lvalue_reference_v<decltype(keypoint_of(copy.map(), copy.name(k), i))>)
+    prefetch_line(&keypoint_of(copy.map(), copy.name(k), i));
+  copy.read_slot(copy.at(k), i, copy.name(k));
 }
 /// Whether a keyframe is alive, and one of its slots.
 template <class Map>
@@ -57,8 +62,8 @@ void look_at_slots_of(map_copy<Map>& copy, std::size_t place, plain_vector<map_k
     if (!(alive[at] == k) || copy.keyframes[at].read == 0) {
       look_at_slot(copy, k, i);
       if (copy.keyframes.alive(k.index)) alive[at] = k;
-    } else if (i < copy.keyframes[at].slots.size()) {
-      copy.read_slot(at, i, copy.name(k));
+    } else {
+      look_at_live_slot(copy, k, i);
     }
   }
 }

@@ -23,6 +23,42 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+namespace detail {
+
+/// Which points on probation fail, where a copy of the user's map is read: it has no views that cannot be looked at, so only
+/// what is to be erased is looked at again.
+/// \param found_ratio  found_ratio(point)  \param fails  fails(recent point, its found ratio)  \param is_sound  is_sound(point)
+/// \param failed       [i] set to 1 where recent[i] fails
+template <class Map, class List, class FoundRatio, class Fails, class Sound>
+void find_failing_in_copy(const Map& map, const List& recent, const FoundRatio& found_ratio, const Fails& fails,
+                          const Sound& is_sound, plain_vector<std::uint8_t>& failed) {
+  using traits = map_traits<Map>;
+  struct failing_point {
+    std::size_t at;
+    float found_ratio;
+  };
+  plain_vector<failing_point> failing;
+  const auto point_at = [&](std::size_t i) -> const auto& { return recent[i].point; };
+  for_each_named_ahead<0>(map, recent.size(), point_at, [&](std::size_t i, const auto& point) {
+    look_whether_alive(map, point);
+    if (!traits::alive(map, point)) return;
+    const float ratio = found_ratio(point);
+    if (fails(recent[i], ratio)) failing.push_back({i, ratio});
+  });
+  list_of<typename traits::keyframe> alive;
+  for_each_ahead<static_cast<unsigned>(point_data::views)>(
+      map, failing.size(), [&](std::size_t n) -> const auto& { return point_at(failing[n].at); },
+      [&](std::size_t n, const auto& point) {
+        constexpr std::size_t soon = ahead_near / 2;  // its list is there by then
+        if (n + soon < failing.size()) ask_for_slots(map, point_at(failing[n + soon].at));
+        look_before_erasing(map, point, alive);
+        const failing_point& f = failing[n];
+        failed[f.at] = traits::alive(map, point) && is_sound(point) && fails(recent[f.at], f.found_ratio) ? 1 : 0;
+      });
+}
+
+}  // namespace detail
+
 /// One round, at keyframe number `now`: erases what fails, and takes off the list what failed, died, was merged or has
 /// passed. All points are checked before the first is erased: inconsistent_map leaves the map and the list as they were.
 /// With a list in `faults` the contradictions are noted there instead, and the points stay until their probation is over.
@@ -33,35 +69,27 @@ map_point_culling_summary cull_recent_points(Map& map, List& recent, std::int64_
   using traits = map_traits<Map>;
   static_assert(require_map_traits<Map>());
   check(options);
-  const auto fails = [&](const auto& r) {
-    float found_ratio = 1;
-    if constexpr (detail::map_has_v<Map, detail::map_found_member>) found_ratio = traits::found_ratio(map, r.point);
+  const auto found_ratio_of = [&]([[maybe_unused]] const auto& point) {
+    if constexpr (detail::map_has_v<Map, detail::map_found_member>)
+      return static_cast<float>(traits::found_ratio(map, point));
+    else
+      return 1.0f;
+  };
+  const auto fails = [&](const auto& r, float found_ratio) {
     return fails_probation(
         found_ratio, [&] { return !has_more_measurements(map, r.point, options.fewest_measurements); }, now - r.since,
         options);
   };
   const auto is_sound = [&](const auto& point) { return require_consistent(map, point, faults); };
-  const auto at = [&](std::size_t i) -> const auto& { return recent[i].point; };
   plain_vector<std::uint8_t> failed(recent.size(), 0);
-  if constexpr (!is_copy_v<Map>) {
+  if constexpr (is_copy_v<Map>) {
+    detail::find_failing_in_copy(map, recent, found_ratio_of, fails, is_sound, failed);
+  } else {
+    const auto at = [&](std::size_t i) -> const auto& { return recent[i].point; };
     for_each_ahead<point_data::entry + point_data::views>(
         map, recent.size(), at, [&](std::size_t i, const auto& point) {
-          failed[i] = traits::alive(map, point) && is_sound(point) && fails(recent[i]) ? 1 : 0;
-        });
-  } else {  // a copy has no views that cannot be looked at: what is to be erased is looked at again
-    plain_vector<std::size_t> failing;
-    for_each_named_ahead<0>(map, recent.size(), at, [&](std::size_t i, const auto& point) {
-      look_whether_alive(map, point);
-      if (traits::alive(map, point) && fails(recent[i])) failing.push_back(i);
-    });
-    list_of<typename traits::keyframe> alive;
-    for_each_ahead<static_cast<unsigned>(point_data::views)>(
-        map, failing.size(), [&](std::size_t n) -> const auto& { return at(failing[n]); },
-        [&](std::size_t n, const auto& point) {
-          constexpr std::size_t ahead = detail::ahead_near / 2;  // its list is there by then
-          if (n + ahead < failing.size()) ask_for_slots(map, at(failing[n + ahead]));
-          look_before_erasing(map, point, alive);
-          failed[failing[n]] = traits::alive(map, point) && is_sound(point) && fails(recent[failing[n]]) ? 1 : 0;
+          const bool fit = traits::alive(map, point) && is_sound(point);
+          failed[i] = fit && fails(recent[i], found_ratio_of(point)) ? 1 : 0;
         });
   }
   map_point_culling_summary summary;
