@@ -24,6 +24,12 @@ class slot_table {
   explicit slot_table(std::uint32_t last_generation = std::numeric_limits<std::uint32_t>::max())
       : last_generation_(last_generation) {}
 
+  /// Makes room: so many calls of acquire() do not throw. Throws std::bad_alloc.
+  void make_room(std::size_t more) {
+    const std::size_t size = slots_.size() + more;
+    if (slots_.capacity() < size) slots_.reserve(size + size / 2);
+    if (free_.capacity() < size) free_.reserve(size + size / 2);
+  }
   /// A slot that nobody uses. Throws std::bad_alloc with nothing changed.
   std::uint32_t acquire() {
     if (!free_.empty()) {

@@ -8,9 +8,15 @@
 
 #include <thrust/execution_policy.h>
 
+#include <cstddef>
+#include <vector>
+
+#include <turbomap/mapping/mirror_points.hpp>
+
 #include "inertial_failure_cases.hpp"
 #include "no_memory_cases.hpp"
 #include "scenes/mirrored_map.hpp"
+#include "scenes/pointer_map.hpp"
 #include "support/counted_new.hpp"
 
 namespace {
@@ -86,6 +92,26 @@ TEST_CASE("every allocation of what loop closing calls may fail") {
   CHECK(met.fusing > 0);
   CHECK(met.adjusting > 10);
   CHECK(met.updating > 0);
+}
+
+TEST_CASE("the room that a mirror keeps is enough for what a keyframe brings: lists do not grow under the guard") {
+  using traits = turbomap::map_traits<pointer_map>;
+  pointer_map map;
+  turbomap::mirror_points<pointer_map> points;
+  long allocated = 0;
+  for (int keyframe = 0; keyframe < 20; ++keyframe) {
+    std::vector<traits::point> created;
+    for (int n = 0; n < 256; ++n) created.push_back(traits::add_point(map, {1, 2, 3}, {}));
+    points.keep_room();
+    const long before = allocations;
+    for (const auto p : created) {
+      const auto place = static_cast<std::size_t>(points.take(p, traits::id(map, p)));
+      for (int view = 0; view < 4; ++view) points.lists.add(place, {view, 0});
+    }
+    allocated += allocations - before;
+  }
+  CHECK(points.size() == 1 + 20 * 256);
+  CHECK(allocated == 0);
 }
 
 }  // namespace

@@ -27,9 +27,9 @@
 TURBOMAP_BEGIN_NAMESPACE
 
 /// Numbers of keyframes and points are those of a simple_map: an index, dense, and a generation. All members but changed() and
-/// refresh() are for the thread of the mapper, under the map's guard except keep_room(). Memory per point: some 160 bytes, its name and descriptor,
-/// four bytes per pyramid level, 8 to 16 per observation, 24 for a covariance: about 350 for an ORB point with eight
-/// observations. Per keypoint of a keyframe 36 bytes.
+/// refresh() are for the thread of the mapper; all of those but keep_room() under the map's guard. Memory per point: some 160
+/// bytes, its name and descriptor, four bytes per pyramid level, 8 to 16 per observation, 24 for a covariance: about 350 for an
+/// ORB point with eight observations. Per keypoint of a keyframe 36 bytes.
 template <class Map>
 class map_mirror {
  public:

@@ -79,6 +79,7 @@ class mirror_points {
     if constexpr (has_covariances) make_room(covariances, n);
     make_room(descriptors, n * elements), make_room(counts_, n * levels_);
     make_room(merged_, n);
+    places_.make_room(more);
     numbers_.make_room(more);
     lists.open(n - 1);
   }

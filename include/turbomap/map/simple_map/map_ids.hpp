@@ -30,6 +30,8 @@ struct map_id {
 /// A slot_table by the signed indices of a map.
 class place_list {
  public:
+  /// Makes room for so many more. Throws std::bad_alloc.
+  void make_room(std::size_t more) { slots_.make_room(more); }
   /// A place of its own for something new, alive at once. Throws std::invalid_argument at 2^31 places, std::bad_alloc.
   std::int32_t take() {
     require(size() < static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max()), "size of the map", size(),

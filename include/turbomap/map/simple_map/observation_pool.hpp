@@ -29,7 +29,7 @@ class observation_pool {
   void open(std::size_t list) {
     if (lists_.size() <= list) lists_.resize(list + 1);
   }
-  /// Room for so many more observations, without any order of the lists, so that it is not made when they are added.
+  /// Room for so many more observations, of all lists together. Throws std::bad_alloc.
   void keep_room(std::size_t more) {
     const std::size_t size = elements_.size() + more;
     if (elements_.capacity() < size) elements_.reserve(size + size / 2);
