@@ -194,4 +194,11 @@ bool operator==(const plain_vector<T>& a, const List& b) {
 template <class T>
 using list_of = std::conditional_t<__is_trivially_copyable(T), plain_vector<T>, std::vector<T>>;
 
+/// Room for `size` elements in all, and for half as many again where it is made: so the lists of several that grow together are
+/// moved seldom. Throws std::bad_alloc.
+template <class List>
+void make_room(List& list, std::size_t size) {
+  if (list.capacity() < size) list.reserve(size + size / 2);
+}
+
 }  // namespace turbomap

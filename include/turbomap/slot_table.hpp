@@ -26,9 +26,8 @@ class slot_table {
 
   /// Makes room: so many calls of acquire() do not throw. Throws std::bad_alloc.
   void make_room(std::size_t more) {
-    const std::size_t size = slots_.size() + more;
-    if (slots_.capacity() < size) slots_.reserve(size + size / 2);
-    if (free_.capacity() < size) free_.reserve(size + size / 2);
+    turbomap::make_room(slots_, slots_.size() + more);
+    turbomap::make_room(free_, slots_.size() + more);
   }
   /// A slot that nobody uses. Throws std::bad_alloc with nothing changed.
   std::uint32_t acquire() {

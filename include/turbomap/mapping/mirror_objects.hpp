@@ -10,6 +10,7 @@
 #include <cstdint>
 
 #include "../config.hpp"
+#include "../map/map_edit.hpp"
 #include "../map/map_traits.hpp"
 #include "../plain_vector.hpp"
 #include "../types.hpp"
@@ -124,16 +125,13 @@ class mirror_objects {
   /// One more observation of a point that has been read. The keypoints of its keyframe are here.
   void add_view(std::size_t p, const observation& o) {
     int before = -1;  // the finest octave at which the keyframe saw it yet, by other cameras
-    for (const observation& other : points.lists.of(p)) {
-      if (other.keyframe != o.keyframe) continue;
-      const int octave = octave_of(other);
-      before = octave >= 0 && (before < 0 || octave < before) ? octave : before;
-    }
+    for (const observation& other : points.lists.of(p))
+      if (other.keyframe == o.keyframe) before = detail::finer(before, octave_of(other));
     points.lists.add(p, o);
     if (points.entries[p].measurements >= 0) points.entries[p].measurements += measurements_of(o);
-    const int octave = octave_of(o);
-    if (octave < 0 || (before >= 0 && before <= octave)) return;
-    ++points.counts(p)[octave];
+    const int after = detail::finer(before, octave_of(o));
+    if (after == before) return;
+    ++points.counts(p)[after];
     if (before >= 0) --points.counts(p)[before];
   }
   /// As recount().

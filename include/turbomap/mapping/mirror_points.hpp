@@ -72,9 +72,6 @@ class mirror_points {
   /// Room for so many more: as many calls of take() do not throw. Throws std::bad_alloc.
   void grow(std::size_t more = 1) {
     const std::size_t n = entries.size() + more;
-    const auto make_room = [](auto& list, std::size_t size) {
-      if (list.capacity() < size) list.reserve(size + size / 2 + 64);
-    };
     make_room(entries, n), make_room(names, n), make_room(positions, n), make_room(normals, n), make_room(ranges, n);
     if constexpr (has_covariances) make_room(covariances, n);
     make_room(descriptors, n * elements), make_room(counts_, n * levels_);
@@ -88,7 +85,7 @@ class mirror_points {
   void keep_room() {
     const std::size_t more = entries.size() / 8 + 256;
     grow(more);
-    lists.keep_room(4 * more);
+    lists.make_room(4 * more);
   }
   /// grow(), and asks memory for the places that the first of them get.
   void expect(std::size_t more) {

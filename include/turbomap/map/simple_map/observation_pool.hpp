@@ -30,10 +30,7 @@ class observation_pool {
     if (lists_.size() <= list) lists_.resize(list + 1);
   }
   /// Room for so many more observations, of all lists together. Throws std::bad_alloc.
-  void keep_room(std::size_t more) {
-    const std::size_t size = elements_.size() + more;
-    if (elements_.capacity() < size) elements_.reserve(size + size / 2);
-  }
+  void make_room(std::size_t more) { turbomap::make_room(elements_, elements_.size() + more); }
   /// The observations of a list that was opened; valid until a list is changed.
   span<const observation> of(std::size_t list) const {
     const block& b = lists_[list];
