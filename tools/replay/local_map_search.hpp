@@ -62,7 +62,7 @@ class local_map_search {
       points_.add_points_of(map, keyframes[n]);
     selection_.clear();
     selection_.place(map, k, stored);
-    points_.note_observed(map, selection_);
+    points_.note_observed_by(map, k);
     taken_.clear();
     for (std::size_t i = 0; i < traits::keypoint_count(map, k); ++i)
       taken_.push_back(traits::point_at(map, k, i) == point{} ? 0 : 1);

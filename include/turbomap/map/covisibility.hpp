@@ -13,6 +13,7 @@
 #include "../plain_sort.hpp"
 #include "../plain_vector.hpp"
 #include "map_traits.hpp"
+#include "number_points.hpp"
 #include "numbering.hpp"
 #include "read_ahead.hpp"
 
@@ -144,17 +145,16 @@ class covisibility {
     if constexpr (!indexed) observer_numbers_.clear();
     counted_.clear(), observers_.clear(), points_.clear(), seen_by_.clear(), rows_.clear();
     for (std::size_t q = 0; q < count; ++q)
-      for_each_slot_ahead<static_cast<unsigned>(point_data::entry)>(
-          map, queries[q], [&](std::size_t, const auto& point) {
-            if (point == typename traits::point{} || !traits::alive(map, point)) return;
-            const std::size_t at = counted_.place(map, point);
-            if (at == points_.size()) points_.push_back(point), seen_by_.push_back(0U);
-            seen_by_[at] |= 1U << q;
-          });
+      number_points_of(map, queries[q], 0, keypoint_count_of(map, queries[q]), counted_, scratch_,
+                       [&](const auto& point, std::size_t number, bool is_new) {
+                         if (is_new) points_.push_back(point), seen_by_.push_back(0U);
+                         seen_by_[number] |= 1U << q;
+                       });
     const std::uint64_t first = serial_ + 1;
-    const auto at = [&](std::size_t i) { return points_[i]; };
+    const auto at = [&](std::size_t i) -> const auto& { return points_[i]; };
     for_each_ahead<point_data::entry + point_data::views>(
         map, points_.size(), at, [&](std::size_t i, const auto& point) {
+          if (!traits::alive(map, point)) return;
           const std::uint64_t serial = ++serial_;
           row add;
           for (std::size_t q = 0; q < row::size; ++q) add.shared[q] = static_cast<std::int32_t>(seen_by_[i] >> q & 1U);
@@ -189,7 +189,7 @@ class covisibility {
   std::uint64_t serial_ = 0;     ///< of points, over all calls
   list_of<covisible<keyframe>> result_;
   // Of several queries:
-  list_of<typename traits::point> points_;  ///< by number in counted_
+  list_of<typename traits::point> points_, scratch_;  ///< points_ by number in counted_
   plain_vector<std::uint32_t> seen_by_;     ///< of each point: bit q is of query q
   plain_vector<row> rows_;                  ///< of each observer
 };

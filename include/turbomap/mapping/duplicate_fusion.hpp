@@ -92,7 +92,7 @@ class duplicate_fusion {
           snapshot_.clear(options.covariances);
           for (const point& p : points) snapshot_.add_point(s.map, p, s.faults);
           place_targets(s, span<const keyframe>(&target, 1));
-          snapshot_.note_observed(s.map, targets_, s.faults);
+          if (targets_.size() == 1) snapshot_.note_observed_by(s.map, targets_[0]);
         }
         compute_covariances(s, options);
         compute(s, c, options.search);
@@ -131,8 +131,12 @@ class duplicate_fusion {
             most -= slot - begin;
             if (slot < slots) break;
           }
-          snapshot_.note_observed(s.map, targets_, s.faults, known);
-          return source < sources.size();
+          const bool more = source < sources.size();
+          if (targets_.size() != 1)
+            snapshot_.note_observed(s.map, targets_, s.faults, known);
+          else if (!more)
+            snapshot_.note_observed_by(s.map, targets_[0]);
+          return more;
         });
   }
   /// The live points of live keyframes. The caller holds the guard.

@@ -12,6 +12,7 @@
 #include "../config.hpp"
 #include "../fusion/duplicate_options.hpp"
 #include "../map/map_traits.hpp"
+#include "../map/number_points.hpp"
 #include "../map/numbering.hpp"
 #include "../map/read_ahead.hpp"
 #include "../map/validate.hpp"
@@ -36,7 +37,7 @@ class duplicate_snapshot {
   /// No points. \param covariances  points come with their covariances, where the map keeps them; false: points are exact
   void clear(bool covariances = false) {
     keeps_covariances_ = covariances;
-    seen_.clear();
+    seen_.clear(), taken_in_.clear();
     points_.clear();
     positions_.clear(), normals_.clear(), min_distances_.clear(), max_distances_.clear(), descriptors_.clear();
     covariances_.clear();
@@ -49,9 +50,15 @@ class duplicate_snapshot {
   }
   /// The same of its keypoints [begin, end).
   void add_points_of(const Map& map, keyframe k, std::size_t begin, std::size_t end, fault_sink faults) {
+    const std::size_t known = seen_.size();
+    unseen_.clear();
+    number_points_of(map, k, begin, end, seen_, scratch_, [&](const point& p, std::size_t, bool is_new) {
+      if (is_new) unseen_.push_back(p);
+    });
+    taken_in_.resize(seen_.size(), -1);
     for_each_ahead<point_data::entry + point_data::appearance>(
-        map, end - begin, [&](std::size_t i) { return unseen_point_at(map, k, begin + i); },
-        [&](std::size_t, const point& p) { add_point(map, p, faults); });
+        map, unseen_.size(), [&](std::size_t i) -> const point& { return unseen_[i]; },
+        [&](std::size_t i, const point& p) { take_in(map, p, known + i, faults); });
   }
   /// What depends on where they are of the points that are alive, anew: somebody has moved keyframes since.
   void read_positions(const Map& map) {
@@ -69,29 +76,35 @@ class duplicate_snapshot {
   void add_point(const Map& map, point p, fault_sink faults = {}) {
     if (p == point{} || !traits::alive(map, p)) return;
     const std::size_t known = seen_.size();
-    if (seen_.place(map, p) == known) add(map, p, faults);
+    if (seen_.place(map, p) != known) return;
+    taken_in_.push_back(-1);
+    take_in(map, p, known, faults);
   }
-  /// Notes which targets see the points already. `faults` is told of views by keypoints that the target does not have.
+  /// Notes which targets see the points already, by the lists of the points. `faults` is told of views by keypoints that the
+  /// target does not have.
   /// \param first  it has been noted of the points before this one
   /// O(views of these points).
   void note_observed(const Map& map, const keyframe_selection<Map>& targets, fault_sink faults = {},
                      std::size_t first = 0) {
-    const auto each_view = [&](auto note_view) {
-      for_each_ahead<point_data::entry + point_data::views>(
-          map, points_.size() - first, [&](std::size_t p) { return points_[first + p]; },
-          [&](std::size_t p, const point& name) {
-            traits::for_each_observation(map, name, [&](keyframe k, std::size_t i) { note_view(k, i, first + p); });
+    for_each_ahead<point_data::entry + point_data::views>(
+        map, points_.size() - first, [&](std::size_t p) { return points_[first + p]; },
+        [&](std::size_t p, const point& name) {
+          traits::for_each_observation(map, name, [&](keyframe k, std::size_t i) {
+            const std::size_t target = targets.find(map, k);
+            if (target != id_table::none) note(map, k, i, target, first + p, faults);
           });
-    };
-    if (targets.size() == 1)  // the way back: no table
-      each_view([&](keyframe k, std::size_t i, std::size_t p) {
-        if (k == targets[0]) note(map, k, i, 0, p, faults);
-      });
-    else
-      each_view([&](keyframe k, std::size_t i, std::size_t p) {
-        const std::size_t target = targets.find(map, k);
-        if (target != id_table::none) note(map, k, i, target, p, faults);
-      });
+        });
+  }
+  /// The same of a single target, if it is alive, by its slots: it has fewer than the lists of all points have views. All points
+  /// have been taken in. O(keypoints).
+  void note_observed_by(const Map& map, const keyframe& target) {
+    if (!traits::alive(map, target)) return;
+    for (std::size_t i = 0; i < keypoint_count_of(map, target); ++i) {
+      const point p = traits::point_at(map, target, i);
+      const std::size_t known = p == point{} ? point_numbering<Map>::none : seen_.find(map, p);
+      if (known != point_numbering<Map>::none && taken_in_[known] >= 0)
+        observed_.push_back({0, keypoint_of(map, target, i).camera, static_cast<std::size_t>(taken_in_[known])});
+    }
   }
   /// Makes skip() of what was noted of the targets from `first` on; needs no guard. \param cameras  of each of them
   void mark_observed(const plain_vector<int>& cameras, std::size_t first = 0) {
@@ -137,20 +150,16 @@ class duplicate_snapshot {
     std::size_t target, camera, point;
   };
 
-  /// Or none: targets see mostly the same points, and nothing needs to be asked for of those that were taken in.
-  point unseen_point_at(const Map& map, keyframe k, std::size_t keypoint) const {
-    const point p = traits::point_at(map, k, keypoint);
-    if constexpr (point_numbering<Map>::indexed)  // a table is looked at once, by add_point()
-      if (!(p == point{}) && seen_.find(map, p) != point_numbering<Map>::none) return point{};
-    return p;
-  }
   void note(const Map& map, keyframe k, std::size_t keypoint, std::size_t target, std::size_t p, fault_sink faults) {
     if (keypoint >= keypoint_count_of(map, k))
       return faults({map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, points_[p]), keypoint});
     observed_.push_back({target, keypoint_of(map, k, keypoint).camera, p});
   }
-  void add(const Map& map, point p, fault_sink faults) {
+  /// \param number  that the point has got
+  void take_in(const Map& map, const point& p, std::size_t number, fault_sink faults) {
+    if (!traits::alive(map, p)) return;
     if (!add_descriptor(map, p)) return faults({map_fault::no_descriptor, 0, traits::id(map, p), 0});
+    taken_in_[number] = static_cast<std::int32_t>(points_.size());
     points_.push_back(p);
     const auto& position = traits::position(map, p);
     positions_.push_back({position.x, position.y, position.z});
@@ -168,7 +177,8 @@ class duplicate_snapshot {
   }
 
   point_numbering<Map> seen_;
-  list_of<point> points_;
+  plain_vector<std::int32_t> taken_in_;  ///< of each number: which of points_ it is; -1: it is dead, or has no descriptor
+  list_of<point> points_, unseen_, scratch_;
   plain_vector<vec3<double>> positions_;
   plain_vector<vec3<float>> normals_;
   plain_vector<float> min_distances_, max_distances_;
