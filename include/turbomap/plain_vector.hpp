@@ -86,11 +86,10 @@ class plain_bytes {
   [[gnu::noinline]] void append_bytes(const void* source, std::size_t n) {
     if (n != 0) std::memcpy(extend(n), source, n);
   }
-  /// `source` may be in this list.
-  [[gnu::noinline, gnu::cold]] void append_any_bytes(const void* source, std::size_t n) {
-    plain_bytes copy;
-    copy.append_bytes(source, n);
-    append_bytes(copy.begin_, n);
+  /// Room for `n` more bytes than there is.
+  [[gnu::noinline, gnu::cold]] void grow(std::size_t n) {
+    extend(n);
+    end_ -= n;
   }
   /// Swaps the bytes of two lists.
   [[gnu::noinline]] void exchange(plain_bytes& other) noexcept {
@@ -149,8 +148,14 @@ class plain_vector : public plain_bytes {
 
   void reserve(std::size_t n) { reserve_elements(n, sizeof(T)); }
   void push_back(const T& value) {
-    if (static_cast<std::size_t>(room_ - end_) < sizeof(T)) return append_any_bytes(&value, sizeof(T));
-    ::new (static_cast<void*>(end_)) T(value);
+    // No call is given the address of the value: it stays in registers until it is written here.
+    if (static_cast<std::size_t>(room_ - end_) < sizeof(T)) {
+      const T copy = value;  // may be an element, which moves
+      grow(sizeof(T));
+      ::new (static_cast<void*>(end_)) T(copy);
+    } else {
+      ::new (static_cast<void*>(end_)) T(value);
+    }
     end_ += sizeof(T);
   }
   void push_back() = delete;  // nvcc 13 misreads push_back({a, b}) where there is no other overload

@@ -28,8 +28,9 @@ void number_points_of(const Map& map, const typename map_traits<Map>::keyframe& 
   scratch.resize(end - begin);
   std::size_t named = 0;
   for (std::size_t i = begin; i < end; ++i) {  // whether a slot is empty cannot be predicted: no branch
-    scratch[named] = traits::point_at(map, keyframe, i);
-    named += scratch[named] == point{} ? 0 : 1;
+    const auto& p = traits::point_at(map, keyframe, i);
+    scratch[named] = p;
+    named += p == point{} ? 0 : 1;
   }
   for_each_ahead<by_id ? static_cast<unsigned>(point_data::entry) : 0>(
       map, named, [&](std::size_t i) -> const point& { return scratch[i]; },

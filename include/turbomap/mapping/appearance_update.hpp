@@ -138,16 +138,6 @@ class appearance_update {
     }
   }
 
-  struct view_of_point {
-    std::uint64_t keyframe_id;
-    std::size_t keypoint;
-    keyframe observer;
-
-    bool before(const view_of_point& v) const {
-      return keyframe_id != v.keyframe_id ? keyframe_id < v.keyframe_id : keypoint < v.keypoint;
-    }
-  };
-
   /// As many points at a time as the store has room for the observers of. Each point is computed by itself, so the result is
   /// the same; but a point whose own observers do not fit is described by half as many, until they do.
   /// `take(begin)` is called after each piece: updated_ is of the points from `begin` on.
@@ -206,17 +196,6 @@ class appearance_update {
     }
   }
 
-  /// In order of insertion into the map, whatever the order of the list: the first of equals wins. Lists are short, and mostly
-  /// in that order, so each view is moved to its place among those before it.
-  void order_views() {
-    for (std::size_t i = 1; i < views_.size(); ++i) {
-      const view_of_point v = views_[i];
-      std::size_t at = i;
-      for (; at > 0 && v.before(views_[at - 1]); --at) views_[at] = views_[at - 1];
-      views_[at] = v;
-    }
-  }
-
   /// Those of the points that have not been seen since the last snapshot(). If somebody has moved an observer between two parts,
   /// poses and positions are read anew, so that all are of one time.
   void read(const scope& s, span<const point> points) {
@@ -250,40 +229,58 @@ class appearance_update {
   }
   void gather(const scope& s, const point& p) {
     const Map& map = s.map;
-    views_.clear();
+    const keyframe reference = traits::reference(map, p);
+    const std::size_t begin = observations_.size();
+    std::size_t reference_place = id_table::none;
+    bool is_seen = false, in_order = true;
     traits::for_each_observation(map, p, [&](keyframe k, std::size_t i) {
       if (k == keyframe{} || !traits::alive(map, k))
         return s.faults({map_fault::observer_not_alive, 0, traits::id(map, p), i});
       if (i >= keypoint_count_of(map, k))
         return s.faults({map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, p), i});
-      views_.push_back({traits::id(map, k), i, k});
+      is_seen = true;
+      const std::size_t at = observers_.place(map, k, s.stored, s.faults);
+      if (at == id_table::none) return;
+      if (k == reference) reference_place = at;
+      const point_observation view{static_cast<std::int32_t>(at), static_cast<std::int32_t>(i)};
+      in_order = in_order && (observations_.size() == begin || !is_before(view, observations_.back()));
+      observations_.push_back(view);
     });
-    if (views_.empty()) return;
-    if (!has_finite_position(map, p)) return s.faults({map_fault::position_not_finite, 0, traits::id(map, p), 0});
-    order_views();
-    const keyframe reference = traits::reference(map, p);
-    std::size_t reference_place = id_table::none, first = id_table::none;
-    for (const view_of_point& v : views_) {
-      const std::size_t at = observers_.place(map, v.observer, s.stored, s.faults);
-      if (at == id_table::none) continue;
-      if (first == id_table::none) first = at;
-      if (v.observer == reference) reference_place = at;
-      observations_.push_back({static_cast<std::int32_t>(at), static_cast<std::int32_t>(v.keypoint)});
+    if (!is_seen) return;
+    if (!has_finite_position(map, p)) {
+      observations_.resize(begin);
+      return s.faults({map_fault::position_not_finite, 0, traits::id(map, p), 0});
     }
-    if (first == id_table::none) return;
-    // A reference that does not see the point: its first observer stands in.
-    if (reference_place == id_table::none) reference_place = first;
+    if (observations_.size() == begin) return;
+    if (!in_order) order_views(begin);
     points_.push_back(p);
     const auto& position = traits::position(map, p);
     positions_.push_back({position.x, position.y, position.z});
-    references_.push_back(static_cast<std::int32_t>(reference_place));
+    // A reference that does not see the point: its first observer stands in.
+    references_.push_back(reference_place == id_table::none ? observations_[begin].keyframe
+                                                            : static_cast<std::int32_t>(reference_place));
     offsets_.push_back(static_cast<std::int32_t>(observations_.size()));
+  }
+  /// Whether a view comes first: of the keyframe that was inserted into the map first.
+  bool is_before(const point_observation& a, const point_observation& b) const {
+    const std::uint64_t id_a = observers_.ids()[static_cast<std::size_t>(a.keyframe)];
+    const std::uint64_t id_b = observers_.ids()[static_cast<std::size_t>(b.keyframe)];
+    return id_a != id_b ? id_a < id_b : a.keypoint < b.keypoint;
+  }
+  /// The observations from `begin` on, whatever the order of the list: the first of equals wins. Lists are short, and mostly in that
+  /// order, so each view is moved to its place among those before it.
+  void order_views(std::size_t begin) {
+    for (std::size_t i = begin + 1; i < observations_.size(); ++i) {
+      const point_observation view = observations_[i];
+      std::size_t at = i;
+      for (; at > begin && is_before(view, observations_[at - 1]); --at) observations_[at] = observations_[at - 1];
+      observations_[at] = view;
+    }
   }
 
   appearances<descriptor, camera, Policy> appearances_;
   point_numbering<Map> seen_;
   keyframe_selection<Map> observers_;
-  list_of<view_of_point> views_;
   list_of<point> points_;
   plain_vector<vec3<double>> positions_;
   plain_vector<std::int32_t> offsets_, references_;
