@@ -190,8 +190,8 @@ class covisibility {
   list_of<covisible<keyframe>> result_;
   // Of several queries:
   list_of<typename traits::point> points_, scratch_;  ///< points_ by number in counted_
-  plain_vector<std::uint32_t> seen_by_;     ///< of each point: bit q is of query q
-  plain_vector<row> rows_;                  ///< of each observer
+  plain_vector<std::uint32_t> seen_by_;               ///< of each point: bit q is of query q
+  plain_vector<row> rows_;                            ///< of each observer
 };
 
 TURBOMAP_END_NAMESPACE

@@ -177,7 +177,8 @@ class duplicate_snapshot {
   }
 
   point_numbering<Map> seen_;
-  plain_vector<std::int32_t> taken_in_;  ///< of each number: which of points_ it is; -1: it is dead, or has no descriptor
+  plain_vector<std::int32_t>
+      taken_in_;  ///< of each number: which of points_ it is; -1: it is dead, or has no descriptor
   list_of<point> points_, unseen_, scratch_;
   plain_vector<vec3<double>> positions_;
   plain_vector<vec3<float>> normals_;
