@@ -48,7 +48,7 @@ class simple_map {
               "is not a level of the map's pyramid");
     if (previous != map_keyframe_id{}) check(previous);
     plain_vector<keypoint> copy(keypoints.data(), keypoints.data() + keypoints.size());
-    plain_vector<std::int32_t> slots(keypoints.size(), none);
+    plain_vector<map_point_id> slots(keypoints.size());
     grow(keyframes_, keyframe_places_.size() + 1);
     const std::int32_t k = keyframe_places_.take();
     if (static_cast<std::size_t>(k) == keyframes_.size()) keyframes_.emplace_back();
@@ -121,7 +121,7 @@ class simple_map {
   map_point_id point_at(map_keyframe_id k, std::size_t keypoint) const {
     const auto& slots = at(k).slots;
     require(keypoint < slots.size(), "keypoint", keypoint, "is not a keypoint of the keyframe");
-    return id_of(slots[keypoint]);
+    return slots[keypoint];
   }
   /// The current handle of a keyframe by its index, e.g. of an observation.
   map_keyframe_id keyframe_at(std::int32_t index) const { return {index, keyframe_places_.generation(index)}; }
@@ -156,7 +156,8 @@ class simple_map {
 
   struct keyframe_entry {
     plain_vector<keypoint> keypoints;
-    plain_vector<std::int32_t> slots;  ///< one per keypoint: its point or none
+    plain_vector<map_point_id>
+        slots;  ///< one per keypoint: its point, or map_point_id{}. With its generation: nothing is looked up
     rigid_transform<double> T_cw;
     double time_s = 0;
     std::uint64_t id = 0;
@@ -181,9 +182,7 @@ class simple_map {
     require(alive(p), "point", p.index, "is not a point of the map, or no longer");
     return static_cast<std::size_t>(p.index);
   }
-  map_point_id id_of(std::int32_t p) const {
-    return p == none ? map_point_id{} : map_point_id{p, point_places_.generation(p)};
-  }
+  map_point_id point_at_place(std::int32_t p) const { return {p, point_places_.generation(p)}; }
   map_keyframe_id keyframe_or_none(std::int32_t k) const { return k == none ? map_keyframe_id{} : keyframe_at(k); }
   void link(std::int32_t previous, std::int32_t next) {  // either may be none
     if (previous != none) keyframes_[static_cast<std::size_t>(previous)].next = next;

@@ -35,8 +35,8 @@ struct map_traits<simple_map<Descriptor, Camera>> {
   static void set_pose(map& m, keyframe k, const rigid_transform<double>& T_cw) { of(m, k).T_cw = T_cw; }
   static std::size_t keypoint_count(const map& m, keyframe k) { return of(m, k).keypoints.size(); }
   static const turbomap::keypoint& keypoint(const map& m, keyframe k, std::size_t i) { return of(m, k).keypoints[i]; }
-  static point point_at(const map& m, keyframe k, std::size_t i) { return m.id_of(of(m, k).slots[i]); }
-  static void set_point(map& m, keyframe k, std::size_t i, point p) { of(m, k).slots[i] = p.index; }
+  static point point_at(const map& m, keyframe k, std::size_t i) { return of(m, k).slots[i]; }
+  static void set_point(map& m, keyframe k, std::size_t i, point p) { of(m, k).slots[i] = p; }
   static double time(const map& m, keyframe k) { return of(m, k).time_s; }
   static keyframe previous(const map& m, keyframe k) { return m.keyframe_or_none(of(m, k).previous); }
   static keyframe next(const map& m, keyframe k) { return m.keyframe_or_none(of(m, k).next); }
@@ -133,7 +133,7 @@ struct map_traits<simple_map<Descriptor, Camera>> {
   template <class F>
   static void for_each_point(const map& m, F f) {
     for (std::size_t p = 0; p < m.points_.size(); ++p)
-      if (m.point_places_.alive(static_cast<std::int32_t>(p))) f(m.id_of(static_cast<std::int32_t>(p)));
+      if (m.point_places_.alive(static_cast<std::int32_t>(p))) f(m.point_at_place(static_cast<std::int32_t>(p)));
   }
   /// @}
 
