@@ -120,25 +120,29 @@ class covisibility {
   /// by its serials, so nothing is emptied.
   void count(const Map& map, keyframe query) {
     if constexpr (!indexed) observer_numbers_.clear();
-    counted_.clear(), observers_.clear();
+    counted_.clear(), observers_.clear(), points_.clear();
+    number_points_of(map, query, 0, keypoint_count_of(map, query), counted_, scratch_,
+                     [&](const auto& point, std::size_t, bool is_new) {
+                       if (is_new) points_.push_back(point);  // else two cameras of the query see it
+                     });
     const std::uint64_t first = serial_ + 1;
-    for_each_slot_ahead<point_data::entry + point_data::views>(map, query, [&](std::size_t, const auto& point) {
-      if (point == typename traits::point{} || !traits::alive(map, point)) return;
-      const std::size_t known = counted_.size();
-      if (counted_.place(map, point) != known) return;  // two cameras of the query see it
-      const std::uint64_t serial = ++serial_;
-      traits::for_each_observation(map, point, [&](keyframe k, std::size_t) {
-        const std::size_t at = place(map, k);
-        if (at >= tallies_.size()) tallies_.resize(at + at / 2 + 16);
-        tally& t = tallies_[at];
-        if (t.last_point < first) {
-          observers_.push_back(k);
-          t = {};
-        }
-        t.shared += t.last_point != serial ? 1 : 0;  // else another camera of the same rig
-        t.last_point = serial;
-      });
-    });
+    const auto each = [&](std::size_t i) -> const auto& { return points_[i]; };
+    for_each_ahead<point_data::entry + point_data::views>(
+        map, points_.size(), each, [&](std::size_t, const auto& point) {
+          if (!traits::alive(map, point)) return;
+          const std::uint64_t serial = ++serial_;
+          traits::for_each_observation(map, point, [&](keyframe k, std::size_t) {
+            const std::size_t at = place(map, k);
+            if (at >= tallies_.size()) tallies_.resize(at + at / 2 + 16);
+            tally& t = tallies_[at];
+            if (t.last_point < first) {
+              observers_.push_back(k);
+              t = {};
+            }
+            t.shared += t.last_point != serial ? 1 : 0;  // else another camera of the same rig
+            t.last_point = serial;
+          });
+        });
   }
   /// The same in two passes: which points there are, and which of the queries see each; then whoever else sees them.
   void count_rows(const Map& map, const keyframe* queries, std::size_t count) {
@@ -188,10 +192,10 @@ class covisibility {
   plain_vector<tally> tallies_;  ///< by index, or by number
   std::uint64_t serial_ = 0;     ///< of points, over all calls
   list_of<covisible<keyframe>> result_;
-  // Of several queries:
   list_of<typename traits::point> points_, scratch_;  ///< points_ by number in counted_
-  plain_vector<std::uint32_t> seen_by_;               ///< of each point: bit q is of query q
-  plain_vector<row> rows_;                            ///< of each observer
+  // Of several queries:
+  plain_vector<std::uint32_t> seen_by_;  ///< of each point: bit q is of query q
+  plain_vector<row> rows_;               ///< of each observer
 };
 
 TURBOMAP_END_NAMESPACE
