@@ -18,6 +18,7 @@
 #include "../map/validate.hpp"
 #include "../plain_vector.hpp"
 #include "keyframe_selection.hpp"
+#include "look_again.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -86,6 +87,7 @@ class duplicate_snapshot {
   /// O(views of these points).
   void note_observed(const Map& map, const keyframe_selection<Map>& targets, fault_sink faults = {},
                      std::size_t first = 0) {
+    const std::size_t noted = observed_.size();
     for_each_ahead<point_data::entry + point_data::views>(
         map, points_.size() - first, [&](std::size_t p) { return points_[first + p]; },
         [&](std::size_t p, const point& name) {
@@ -94,6 +96,8 @@ class duplicate_snapshot {
             if (target != id_table::none) note(map, k, i, target, first + p, faults);
           });
         });
+    for (std::size_t v = noted; v < observed_.size(); ++v)  // now that the keypoints are there
+      observed_[v].camera = keypoint_of(map, targets[observed_[v].target], observed_[v].keypoint).camera;
   }
   /// The same of a single target, if it is alive, by its slots: it has fewer than the lists of all points have views. All points
   /// have been taken in. O(keypoints).
@@ -103,7 +107,8 @@ class duplicate_snapshot {
       const point p = traits::point_at(map, target, i);
       const std::size_t known = p == point{} ? point_numbering<Map>::none : seen_.find(map, p);
       if (known != point_numbering<Map>::none && taken_in_[known] >= 0)
-        observed_.push_back({0, keypoint_of(map, target, i).camera, static_cast<std::size_t>(taken_in_[known])});
+        observed_.push_back({0, static_cast<std::uint32_t>(taken_in_[known]), static_cast<std::uint32_t>(i),
+                             keypoint_of(map, target, i).camera});
     }
   }
   /// Makes skip() of what was noted of the targets from `first` on; needs no guard. \param cameras  of each of them
@@ -147,13 +152,15 @@ class duplicate_snapshot {
 
  private:
   struct view {
-    std::size_t target, camera, point;
+    std::uint32_t target, point, keypoint, camera;
   };
 
   void note(const Map& map, keyframe k, std::size_t keypoint, std::size_t target, std::size_t p, fault_sink faults) {
     if (keypoint >= keypoint_count_of(map, k))
       return faults({map_fault::keypoint_out_of_range, traits::id(map, k), traits::id(map, points_[p]), keypoint});
-    observed_.push_back({target, keypoint_of(map, k, keypoint).camera, p});
+    ask_for_keypoint(map, k, keypoint);
+    observed_.push_back(
+        {static_cast<std::uint32_t>(target), static_cast<std::uint32_t>(p), static_cast<std::uint32_t>(keypoint), 0});
   }
   /// \param number  that the point has got
   void take_in(const Map& map, const point& p, std::size_t number, fault_sink faults) {

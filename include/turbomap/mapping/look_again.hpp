@@ -14,6 +14,7 @@
 #include "../map/map_traits.hpp"
 #include "../map/read_ahead.hpp"
 #include "../map/validate.hpp"
+#include "../prefetch.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -83,6 +84,14 @@ template <class Map>
 void ask_for([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe,
              [[maybe_unused]] std::size_t keypoint) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::ask_for(map, keyframe, keypoint);
+}
+/// Asks memory for a keypoint, which there is: by the map itself, where it gives them by reference.
+template <class Map>
+void ask_for_keypoint(const Map& map, const typename map_traits<Map>::keyframe& keyframe, std::size_t keypoint) {
+  if constexpr (std::is_lvalue_reference_v<decltype(keypoint_of(map, keyframe, keypoint))>)
+    prefetch_line(&keypoint_of(map, keyframe, keypoint));
+  else
+    ask_for(map, keyframe, keypoint);
 }
 /// The same of all slots that hold a point. Its list should be there by then.
 template <class Map>
