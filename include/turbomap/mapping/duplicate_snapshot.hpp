@@ -99,13 +99,14 @@ class duplicate_snapshot {
     for (std::size_t v = noted; v < observed_.size(); ++v)  // now that the keypoints are there
       observed_[v].camera = keypoint_of(map, targets[observed_[v].target], observed_[v].keypoint).camera;
   }
-  /// The same of a single target, if it is alive, by its slots: it has fewer than the lists of all points have views. All points
-  /// have been taken in. O(keypoints).
+  /// The same of a single target, if it is alive, by its slots, which are fewer than the views of all points. All points have been
+  /// taken in. O(keypoints).
   void note_observed_by(const Map& map, const keyframe& target) {
     if (!traits::alive(map, target)) return;
     for (std::size_t i = 0; i < keypoint_count_of(map, target); ++i) {
       const point p = traits::point_at(map, target, i);
-      const std::size_t known = p == point{} ? point_numbering<Map>::none : seen_.find(map, p);
+      if (p == point{} || !(point_numbering<Map>::indexed || traits::alive(map, p))) continue;  // a dead one has no id
+      const std::size_t known = seen_.find(map, p);
       if (known != point_numbering<Map>::none && taken_in_[known] >= 0)
         observed_.push_back({0, static_cast<std::uint32_t>(taken_in_[known]), static_cast<std::uint32_t>(i),
                              keypoint_of(map, target, i).camera});
@@ -184,8 +185,7 @@ class duplicate_snapshot {
   }
 
   point_numbering<Map> seen_;
-  plain_vector<std::int32_t>
-      taken_in_;  ///< of each number: which of points_ it is; -1: it is dead, or has no descriptor
+  plain_vector<std::int32_t> taken_in_;  ///< by number: which of points_ it is; -1: dead, or without a descriptor
   list_of<point> points_, unseen_, scratch_;
   plain_vector<vec3<double>> positions_;
   plain_vector<vec3<float>> normals_;

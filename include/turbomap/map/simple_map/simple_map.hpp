@@ -156,8 +156,7 @@ class simple_map {
 
   struct keyframe_entry {
     plain_vector<keypoint> keypoints;
-    plain_vector<map_point_id>
-        slots;  ///< one per keypoint: its point, or map_point_id{}. With its generation: nothing is looked up
+    plain_vector<map_point_id> slots;  ///< one per keypoint: its point, or map_point_id{}
     rigid_transform<double> T_cw;
     double time_s = 0;
     std::uint64_t id = 0;
