@@ -23,6 +23,13 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// The threads of a policy of the host take tiles of a factorisation: `count` calls of worker(i), which may wait for each other's
+/// tiles, and finish under one thread too.
+template <class Policy, class Worker>
+void launch_factorise_tiles(const Policy& policy, int count, const Worker& worker) {
+  for_each_index(policy, count, worker);
+}
+
 /// Keep one and use it again: it owns the matrix and the progress of a factorisation, so one call at a time.
 class dense_cholesky {
  public:
@@ -62,7 +69,7 @@ class dense_cholesky {
     if (A_.tiles() < fewest_shared)
       work();
     else
-      for_each_index(policy, workers, worker{this});
+      launch_factorise_tiles(policy, workers, worker{this});
     return state_.failed == 0;
   }
 
