@@ -8,8 +8,10 @@
 /// next points while one is worked on. The points, and their order, are the same.
 
 #include <cstddef>
+#include <type_traits>
 
 #include "../config.hpp"
+#include "../prefetch.hpp"
 #include "map_traits.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -61,6 +63,15 @@ void for_each_slot_ahead(const Map& map, const typename map_traits<Map>::keyfram
   for_each_ahead<What>(
       map, keypoint_count_of(map, keyframe), [&](std::size_t i) { return map_traits<Map>::point_at(map, keyframe, i); },
       visit);
+}
+
+/// Asks memory for a keypoint, which there is, where the map gives keypoints by reference.
+template <class Map>
+void prefetch_keypoint([[maybe_unused]] const Map& map,
+                       [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe,
+                       [[maybe_unused]] std::size_t keypoint) {
+  if constexpr (std::is_lvalue_reference_v<decltype(keypoint_of(map, keyframe, keypoint))>)
+    prefetch_line(&keypoint_of(map, keyframe, keypoint));
 }
 
 TURBOMAP_END_NAMESPACE

@@ -12,6 +12,7 @@
 #include "../config.hpp"
 #include "../map/covisibility.hpp"
 #include "../map/map_traits.hpp"
+#include "../map/number_points.hpp"
 #include "../map/numbering.hpp"
 #include "../map/read_ahead.hpp"
 #include "../map/validate.hpp"
@@ -205,13 +206,9 @@ class adjustment_window {
     const std::size_t keypoints = keypoint_count_of(map, frames_[f]);
     if constexpr (point_numbering<Map>::indexed) {
       // Most are placed: keyframes of a window share their points. A look into an array tells.
-      unplaced_.resize(keypoints);
-      std::size_t count = 0;
-      for (std::size_t i = 0; i < keypoints; ++i) {
-        const point p = unplaced_[count] = traits::point_at(map, frames_[f], i);
-        count += p == point{} || point_numbers_.find(map, p) != id_table::none ? 0 : 1;
-      }
-      return count;
+      list_points_in(map, frames_[f], 0, keypoints, unplaced_,
+                     [&](const point& p) { return point_numbers_.find(map, p) == id_table::none; });
+      return unplaced_.size();
     } else {
       return keypoints;
     }

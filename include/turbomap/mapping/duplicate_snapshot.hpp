@@ -103,14 +103,13 @@ class duplicate_snapshot {
   /// taken in. O(keypoints).
   void note_observed_by(const Map& map, const keyframe& target) {
     if (!traits::alive(map, target)) return;
-    for (std::size_t i = 0; i < keypoint_count_of(map, target); ++i) {
-      const point p = traits::point_at(map, target, i);
-      if (p == point{} || !(point_numbering<Map>::indexed || traits::alive(map, p))) continue;  // a dead one has no id
+    for_each_slot_ahead<static_cast<unsigned>(point_data::entry)>(map, target, [&](std::size_t i, const point& p) {
+      if (p == point{} || !traits::alive(map, p)) return;
       const std::size_t known = seen_.find(map, p);
       if (known != point_numbering<Map>::none && taken_in_[known] >= 0)
         observed_.push_back({0, static_cast<std::uint32_t>(taken_in_[known]), static_cast<std::uint32_t>(i),
                              keypoint_of(map, target, i).camera});
-    }
+    });
   }
   /// Makes skip() of what was noted of the targets from `first` on; needs no guard. \param cameras  of each of them
   void mark_observed(const plain_vector<int>& cameras, std::size_t first = 0) {

@@ -8,13 +8,11 @@
 /// the user's map holds by now. The caller holds the guard.
 
 #include <cstddef>
-#include <type_traits>
 
 #include "../config.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/read_ahead.hpp"
 #include "../map/validate.hpp"
-#include "../prefetch.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
@@ -85,13 +83,11 @@ void ask_for([[maybe_unused]] const Map& map, [[maybe_unused]] const typename ma
              [[maybe_unused]] std::size_t keypoint) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::ask_for(map, keyframe, keypoint);
 }
-/// Asks memory for a keypoint, which there is: by the map itself, where it gives them by reference.
+/// The same of a keypoint alone, which there is.
 template <class Map>
 void ask_for_keypoint(const Map& map, const typename map_traits<Map>::keyframe& keyframe, std::size_t keypoint) {
-  if constexpr (std::is_lvalue_reference_v<decltype(keypoint_of(map, keyframe, keypoint))>)
-    prefetch_line(&keypoint_of(map, keyframe, keypoint));
-  else
-    ask_for(map, keyframe, keypoint);
+  prefetch_keypoint(map, keyframe, keypoint);
+  ask_for(map, keyframe, keypoint);
 }
 /// The same of all slots that hold a point. Its list should be there by then.
 template <class Map>

@@ -8,7 +8,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <type_traits>
 
 #include "../config.hpp"
 #include "../map/map_traits.hpp"
@@ -28,8 +27,7 @@ template <class Map>
 void look_at_live_slot(map_copy<Map>& copy, map_keyframe_id k, std::size_t i) {
   copy.ensure(k);
   if (i >= copy.keyframes[copy.at(k)].slots.size()) return;
-  if constexpr (std::is_lvalue_reference_v<decltype(keypoint_of(copy.map(), copy.name(k), i))>)
-    prefetch_line(&keypoint_of(copy.map(), copy.name(k), i));
+  prefetch_keypoint(copy.map(), copy.name(k), i);
   copy.read_slot(copy.at(k), i, copy.name(k));
 }
 /// Whether a keyframe is alive, and one of its slots.
