@@ -151,7 +151,7 @@ TEST_CASE("where a projection is not defined: no number that is not finite") {
       for (auto& d : row)
         for (const double x : lanes(d)) CHECK(detail::is_finite(x));
   };
-  check(example<pinhole<double>>(), {0, 0, 0, 1, 1, 1, 0, 1});  // behind the camera the formula goes on
+  check(example<pinhole<double>>(), {0, 0, 0, 1, 1, 1, 0, 1});         // behind the camera the formula goes on
   check(example<kannala_brandt<double>>(), {0, 0, 1, 1, 1, 1, 0, 0});  // no disparity where z = 0
   check(example<brown_conrady<double>>(), {0, 0, 0, 0, 1, 1, 0, 0});
 }

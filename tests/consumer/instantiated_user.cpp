@@ -22,8 +22,8 @@ int main() {
     const auto k = map.add_keyframe({&keypoint, 1}, {}, n, before);
     if (n == 0) point = map.add_point({0.8, -0.4, 4}, k);
     turbomap::observe(map, point, k, 0);
-    mapper.insert(k, turbomap::keyframe_data<my::orb, my::camera>{
-                         1, &keypoint, descriptor, rig.cameras, 1, turbomap::image_bounds{0, 0, 640, 480}});
+    mapper.insert(k, turbomap::keyframe_data<my::orb, my::camera>{1, &keypoint, descriptor, rig.cameras, 1,
+                                                                  turbomap::image_bounds{0, 0, 640, 480}});
     mapper.process(k);
     before = k;
   }

@@ -105,7 +105,8 @@ void check_same_map(const Policy& policy, const mapping_case<Camera>& c, int key
 class decision_digest {
  public:
   void add(const void* data, std::size_t bytes) {
-    for (std::size_t i = 0; i < bytes; ++i) value_ = (value_ ^ static_cast<const unsigned char*>(data)[i]) * 1099511628211U;
+    for (std::size_t i = 0; i < bytes; ++i)
+      value_ = (value_ ^ static_cast<const unsigned char*>(data)[i]) * 1099511628211U;
   }
   template <class Run>
   void add(const Run& run, const turbomap::mapping_report& report, bool computed, bool poses) {
@@ -143,7 +144,8 @@ std::uint64_t adjusted_decisions(const Policy& policy, mapping_case<Camera> c, i
   c.recipe.rounded = true;
   c.options.adjustment.solve.numbers = turbomap::precision::float64;
   const mapping_scene<Camera> scene(c.rig, c.recipe);
-  mapping_run<map_type, Policy, turbomap::local_adjustment<map_type, Policy, methods>> run(scene, c.options, {}, policy);
+  mapping_run<map_type, Policy, turbomap::local_adjustment<map_type, Policy, methods>> run(scene, c.options, {},
+                                                                                           policy);
   decision_digest digest;
   std::size_t adjusted = 0, taken_out = 0;
   for (int n = 0; n < keyframes; ++n) {

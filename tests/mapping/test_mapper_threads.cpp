@@ -115,7 +115,7 @@ TEST_CASE("somebody moves the map between two parts of creation: no more points 
     if (part < 1000) {
       CHECK(created <= static_cast<std::size_t>(part - 1));
       CHECK((part < 5 || created > 1));  // a part's point may have lost its keypoints
-      CHECK(times == part);                                     // it looked, and stopped
+      CHECK(times == part);              // it looked, and stopped
     } else {
       CHECK(created > 4);
       CHECK(times > 4);

@@ -87,7 +87,7 @@ struct oracle_sights {
 /// Four rounds of ten iterations from the same guess on the inliers of the round before, the last round without Huber's kernel. With
 /// fewer than three inliers the guess stays.
 inline adjusted_pose motion_only_oracle(const oracle_frame& guess, const std::vector<cost_camera>& rig,
-                                      const oracle_sights& in) {
+                                        const oracle_sights& in) {
   adjusted_pose result{guess, std::vector<double>(in.seen.size(), 0)};
   for (int round = 0; round < 4; ++round) {
     oracle_problem p;

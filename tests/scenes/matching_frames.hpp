@@ -7,8 +7,8 @@
 
 #include <turbomap/array.hpp>
 #include <turbomap/matching/search_options.hpp>
-#include <turbomap/store/posed_keyframe.hpp>
 #include <turbomap/store/keyframe_packing.hpp>
+#include <turbomap/store/posed_keyframe.hpp>
 
 #include <cstdint>
 #include <vector>

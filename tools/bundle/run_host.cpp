@@ -9,8 +9,6 @@
 
 namespace turbomap_bundle {
 
-outcome run_host(const arguments& arguments) {
-  return run(turbomap_program::host_policy(arguments.policy), arguments);
-}
+outcome run_host(const arguments& arguments) { return run(turbomap_program::host_policy(arguments.policy), arguments); }
 
 }  // namespace turbomap_bundle

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include <turbomap/camera/kannala_brandt.hpp>
-#include <turbomap/camera/pinhole.hpp>
 #include <turbomap/camera/measure_resolution.hpp>
+#include <turbomap/camera/pinhole.hpp>
 #include <turbomap/camera/rig.hpp>
 #include <turbomap/descriptor/binary.hpp>
 #include <turbomap/io/recording.hpp>

@@ -27,7 +27,7 @@ struct guard_times {
   static constexpr int per_octave = 8;
   static constexpr int octaves = 12;                     ///< powers of two that have bins
   static constexpr int bins = 2 + per_octave * octaves;  ///< all of them
-  std::uint32_t times[bins] = {};  ///< how often, by bin
+  std::uint32_t times[bins] = {};                        ///< how often, by bin
 
   /// It was held once more. \param commits  to apply what creation or fusion found
   void add(double ms, bool commits = false) {
