@@ -3,8 +3,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # run.sh [SECONDS [TARGET...]]: builds the fuzz targets (or those named) in build/fuzz with clang++ and runs each for this
-# time, 60 s by default, as many at a time as there are processors, from tests/fuzz/corpus. New inputs are kept in build/fuzz/corpus. An input that a target stops at is
-# in build/fuzz/findings, and the exit status is 1.
+# time, 60 s by default, as many at a time as there are processors, from tests/fuzz/corpus. New inputs are kept in
+# build/fuzz/corpus. An input that a target stops at is in build/fuzz/findings, and the exit status is 1.
 set -eu -o pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 seconds=${1:-60}

@@ -17,7 +17,7 @@ namespace turbomap {
 
 /// Measures a camera by its Jacobian, at 9 angles per entry and 64 directions around the axis, so that a small image far from
 /// the axis has several too; 5 % are taken off for what lies between the samples, and no entry is below
-/// min_pixels_per_radian(). A tenth of a millisecond, or two milliseconds where projecting takes long: once per rig.
+/// min_pixels_per_radian(). At most a millisecond or two: once per rig.
 template <class Camera, class = detail::this_target>
 resolution_profile measure_resolution(const Camera& camera, const image_bounds& bounds) {
   resolution_profile profile;

@@ -12,8 +12,8 @@
 
 #include "../appearance/update_appearance.hpp"
 #include "../config.hpp"
+#include "../map/map_fault.hpp"
 #include "../map/map_traits.hpp"
-#include "../map/validate.hpp"
 #include "../plain_vector.hpp"
 #include "appearance_snapshot.hpp"
 #include "in_pieces.hpp"

@@ -3,8 +3,8 @@
 #pragma once
 
 /// \file
-/// The stage that takes redundant keyframes out of the map: which they are, and in which order, is in redundant_keyframes.hpp. Here
-/// each is decided on and taken out under the map's guard, one keyframe per hold, and a large one in several.
+/// The stage that takes redundant keyframes out of the map: redundant_keyframes.hpp says which they are. Here each candidate is decided
+/// on and taken out under the map's guard, one keyframe per hold, and a large one in several.
 
 #include <cstddef>
 #include <cstdint>
