@@ -5,6 +5,10 @@
 /// \file
 /// The only file that asks the compiler what it is. Everything else uses the names defined here.
 
+#if __cplusplus < 201703L
+#error "turbomap: C++17 is needed. A -std=c++11 or -std=c++14 in CMAKE_CXX_FLAGS comes before what a target asks for."
+#endif
+
 #include "version.hpp"
 
 #if defined(__CUDACC__)

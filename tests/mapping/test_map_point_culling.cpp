@@ -7,6 +7,7 @@
 #include <doctest/doctest.h>
 
 #include <turbomap/map/map_edit.hpp>
+#include <turbomap/mapping/named_points.hpp>
 #include <turbomap/mapping/point_culling.hpp>
 
 #include <cstdint>
@@ -64,6 +65,25 @@ TEST_CASE_TEMPLATE("points that few keyframes see go after two keyframes", Map, 
   CHECK(traits::alive(map, p[1]));
   std::vector<turbomap::recent_point<point>> none;
   CHECK(turbomap::cull_recent_points(map, none, 0).dropped == 0);
+}
+
+TEST_CASE("the points of slots can be watched: a name of no point is passed over") {
+  using policy = turbomap::context<>::policy_type;
+  using traits = turbomap::map_traits<pointer_map>;
+  pointer_map map;
+  turbomap::context<> ctx;
+  turbomap::store_of<pointer_map, policy> store;
+  const turbomap::handle_table stored;
+  turbomap::guard_times held;
+  const turbomap::mapping_scope<pointer_map, policy> scope{ctx, map, store, stored, held};
+  const auto k = insert_keyframe(map, std::vector<turbomap::keypoint>(1, make_keypoint(0)), 0, nullptr);
+  const traits::point slots[] = {nullptr, traits::add_point(map, {}, k), nullptr};
+  turbomap::point_culling<pointer_map, policy> probation;
+  probation.watch({slots, 3}, 0);
+  CHECK(probation(scope, 2, {}).dropped == 1);
+  turbomap::named_points<pointer_map> named;
+  named.add({slots, 3});
+  CHECK(named.take(turbomap::working_map<pointer_map>(map)).size() == 1);
 }
 
 TEST_CASE("points that tracking does not find go at once") {

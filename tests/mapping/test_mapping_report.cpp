@@ -27,6 +27,12 @@ TEST_CASE("the stages have the names of the command-line contract, in their orde
     CHECK(std::string(turbomap::to_string(static_cast<mapping_stage>(s))) == names[s]);
 }
 
+TEST_CASE("what became of a stage has a name") {
+  const char* const names[] = {"off", "done", "skipped", "cut", "refused"};
+  for (std::size_t o = 0; o < 5; ++o)
+    CHECK(std::string(turbomap::to_string(static_cast<turbomap::stage_outcome>(o))) == names[o]);
+}
+
 TEST_CASE("one value per stage") {
   turbomap::per_stage<int> values;
   for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) CHECK(values[static_cast<mapping_stage>(s)] == 0);

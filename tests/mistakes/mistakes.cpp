@@ -115,9 +115,18 @@ struct turbomap::map_traits<my::Map> {
   static void retire(map&, point, point) {}
 #endif
   static void erase_keyframe(map&, keyframe) {}
+#ifdef SET_POSE_IN_CAMELS
+  static void SetPose(map&, keyframe, const turbomap::rigid_transform<double>&) {}
+#else
   static void set_pose(map&, keyframe, const turbomap::rigid_transform<double>&) {}
-#ifndef NO_SET_POSITION
+#endif
+#ifdef SET_POSITION_IN_CAMELS
+  static void setPosition(map&, point, const turbomap::vec3<double>&) {}
+#elif !defined(NO_SET_POSITION)
   static void set_position(map&, point, const turbomap::vec3<double>&) {}
+#endif
+#ifdef ON_CREATED
+  static void on_created(map&, point) {}
 #endif
 
 #ifdef KEYPOINT_ALONE

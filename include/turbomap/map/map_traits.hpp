@@ -264,6 +264,10 @@ auto map_guard([[maybe_unused]] Map& map) {
 /// `static_assert(turbomap::guarded_v<my::Map>);`.
 template <class Map>
 inline constexpr bool guarded_v = detail::map_has_v<Map, detail::map_guard_member>;
+/// Whether map_traits<Map> can move keyframes and points: without set_pose() and set_position() the stage `adjustment` is off. A system
+/// that is to be adjusted says so once: `static_assert(turbomap::adjustable_v<my::Map>);`.
+template <class Map>
+inline constexpr bool adjustable_v = detail::map_has_v<Map, detail::map_adjust_member>;
 
 TURBOMAP_END_NAMESPACE
 

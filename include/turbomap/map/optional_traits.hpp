@@ -118,6 +118,20 @@ template <class M, class T>
 using near_found_ratio_get_found_ratio = decltype(T::get_found_ratio(read_map<M>(), a_point<T>()));
 template <class M, class T>
 using near_found_ratio_foundRatio = decltype(T::foundRatio(read_map<M>(), a_point<T>()));
+template <class M, class T>
+using near_set_pose_setPose = decltype(T::setPose(write_map<M>(), a_keyframe<T>(), rigid_transform<double>{}));
+template <class M, class T>
+using near_set_pose_SetPose = decltype(T::SetPose(write_map<M>(), a_keyframe<T>(), rigid_transform<double>{}));
+template <class M, class T>
+using near_set_position_setPosition = decltype(T::setPosition(write_map<M>(), a_point<T>(), vec3<double>{}));
+template <class M, class T>
+using near_set_position_SetPosition = decltype(T::SetPosition(write_map<M>(), a_point<T>(), vec3<double>{}));
+template <class M, class T>
+using near_set_position_SetWorldPos = decltype(T::SetWorldPos(write_map<M>(), a_point<T>(), vec3<double>{}));
+template <class M, class T>
+using near_created_create = decltype(T::create(write_map<M>(), a_point<T>()));
+template <class M, class T>
+using near_created_on_created = decltype(T::on_created(write_map<M>(), a_point<T>()));
 
 template <class Map, template <class, class> class... Members>
 inline constexpr bool has_any_v = (map_has_v<Map, Members> || ...);
@@ -206,6 +220,18 @@ constexpr bool check_optional_members() {
           !has_any_v<Map, near_found_ratio_ratio_found, near_found_ratio_get_found_ratio, near_found_ratio_foundRatio>,
       "turbomap: map_traits has no `found_ratio`, but a function of a similar name (ratio_found, get_found_ratio, "
       "foundRatio): rename it; see docs/map.md");
+  // Where one of the two is there, the other is asked for above.
+  static_assert(
+      has_name<named_set_pose, map_traits<Map>, optional_names>() ||
+          has_name<named_set_position, map_traits<Map>, optional_names>() ||
+          !has_any_v<Map, near_set_pose_setPose, near_set_pose_SetPose, near_set_position_setPosition,
+                     near_set_position_SetPosition, near_set_position_SetWorldPos>,
+      "turbomap: map_traits has no `set_pose` and `set_position`, but a function of a similar name (setPose, SetPose, "
+      "setPosition, SetPosition, SetWorldPos): rename it; see docs/map.md");
+  static_assert(
+      map_has_v<Map, map_created_member> || !has_any_v<Map, near_created_create, near_created_on_created>,
+      "turbomap: map_traits has no `created`, but a function of a similar name (create, on_created): rename it; see "
+      "docs/map.md");
   return true;
 }
 

@@ -25,9 +25,9 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// What a local_mapper adjusts with by default: local_adjustment, if the traits of the map can write poses and positions.
 template <class Map, class Policy>
-using default_adjustment = std::conditional_t<!has_map_traits_v<Map>, detail::refused_traits,
-                                              std::conditional_t<detail::map_has_v<Map, detail::map_adjust_member>,
-                                                                 local_adjustment<Map, Policy>, no_adjustment>>;
+using default_adjustment =
+    std::conditional_t<!has_map_traits_v<Map>, detail::refused_traits,
+                       std::conditional_t<adjustable_v<Map>, local_adjustment<Map, Policy>, no_adjustment>>;
 
 namespace detail {
 

@@ -41,10 +41,16 @@ inline const char* to_string(mapping_stage stage) {
 enum class stage_outcome : std::uint8_t {
   off,      ///< switched off
   done,     ///< ran to its end
-  skipped,  ///< left out: more keyframes wait
+  skipped,  ///< left out: more keyframes wait, or a stop was asked for
   cut,      ///< left out, or ended early at a safe point: the deadline
   refused   ///< left out: the keyframe has no pose that can be used, see mapping_report::refused
 };
+
+/// As in docs/local_mapping.md.
+inline const char* to_string(stage_outcome outcome) {
+  constexpr const char* names[] = {"off", "done", "skipped", "cut", "refused"};
+  return names[static_cast<std::size_t>(outcome)];
+}
 
 /// One value per stage.
 template <class T>

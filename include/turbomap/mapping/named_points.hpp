@@ -21,9 +21,10 @@ class named_points {
   using user_point = typename map_traits<Map>::point;                         ///< what the user calls a point
   using point = typename map_traits<typename working_map<Map>::type>::point;  ///< what stages call it
 
-  /// Without the guard.
+  /// Without the guard. Names of no point are passed over.
   void add(span<const user_point> points) {
-    for (const user_point& p : points) names_.push_back(p);
+    for (const user_point& p : points)
+      if (!(p == user_point{})) names_.push_back(p);
   }
   /// Whether there is none.
   bool empty() const { return names_.empty(); }

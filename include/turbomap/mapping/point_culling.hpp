@@ -117,9 +117,10 @@ class point_culling {
  public:
   using point = typename map_traits<Map>::point;  ///< names a point
 
-  /// Puts points on probation. \param now  number of the keyframe
+  /// Puts points on probation, but names of no point. \param now  number of the keyframe
   void watch(span<const point> points, std::int64_t now) {
-    for (const point& p : points) recent_.push_back({p, now});
+    for (const point& p : points)
+      if (!(p == point{})) recent_.push_back({p, now});
   }
   /// No point is on probation.
   void clear() { recent_.clear(); }

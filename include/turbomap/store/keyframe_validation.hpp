@@ -58,7 +58,8 @@ inline void validate_keypoint(const keypoint& k, int i, int levels, int cameras)
   require_keypoint(is_finite(k.angle), i, "angle", k.angle, "must be finite");
   require_keypoint(is_finite(k.u_right), i, "u_right", k.u_right, "must be finite; negative: none");
   require_keypoint(is_finite(k.depth), i, "depth", k.depth, "must be finite; negative: unknown");
-  require_keypoint(k.octave < levels, i, "octave", int{k.octave}, "must be below the levels of the pyramid");
+  require_keypoint(k.octave < levels, i, "octave", int{k.octave},
+                   "must be below the levels of the pyramid (keyframe_store_options::packing)");
   require_keypoint(k.camera < cameras, i, "camera", int{k.camera}, "must be below the number of cameras");
 }
 }  // namespace detail
