@@ -57,7 +57,8 @@ class local_mapper {
   using stage_map = typename working_map<Map>::type;
   using scope = mapping_scope<stage_map, Policy>;  ///< what a stage works on.
 
-  /// Refers to context, map and store. Throws std::invalid_argument naming an option that makes no sense.
+  /// Refers to context, map and store. Throws std::invalid_argument naming an option that makes no sense, as a pyramid with fewer
+  /// levels than the store's, whose keypoints would be of octaves that stages do not know.
   local_mapper(context<Policy>& ctx, Map& map, store_type& store, const local_mapper_options& options = {},
                hooks_type hooks = {})
       : ctx_(ctx),
@@ -73,6 +74,9 @@ class local_mapper {
         due_(ctx) {
     static_assert(require_map_traits<Map>());
     check(options);
+    require(options.search.scales.levels >= store.options().packing.pyramid.levels, "options.search.scales.levels",
+            options.search.scales.levels,
+            "must not be less than those of the store (keyframe_store_options::packing.pyramid)");
   }
 
   /// Takes the immutable part of a keyframe into the store: from keyframe_data, or from the user's own type through
@@ -101,7 +105,7 @@ class local_mapper {
     if constexpr (inertial) adjustment_.forget();
     progress_ = {}, report_ = {}, iteration_ = 0;
   }
-  /// Puts points that tracking made on probation.
+  /// Puts points that tracking made on probation. A list of slots will do: names of no point (point{}) are passed over.
   void watch(span<const point> points) {
     if constexpr (is_mirrored_v<Map>)
       watched_.add(points);
@@ -123,8 +127,9 @@ class local_mapper {
   /// One iteration on a keyframe that is inserted, in the map, and holds its associations. Keyframes, points and observations
   /// that cannot be used (map_fault) are passed over, and listed in report().refused; options.strict makes them an exception.
   /// An exception ends the iteration between two commits: the map is sound, the stages before are done, nothing is pinned.
-  /// \throws std::invalid_argument  the keyframe is not in the map or not inserted: nothing is done
+  /// \throws std::invalid_argument  the keyframe is not in the map or not inserted, or this is a hook: nothing is done
   const mapping_report& process(keyframe current) {
+    require_idle("process");
     const named_range range("keyframe");
     report_ = {};
     has_pose_ = false;
@@ -172,17 +177,20 @@ class local_mapper {
       k = working_.number(anyone);
     }
     typename detail::global_on<Adjustment, stage_map>::type adjustment(ctx_);
-    local_adjustment_summary summary = adjustment(s, k, options);
-    if (summary.solve.accepted != 0) {
-      due_.moved(adjustment.points());
-      due_.changed(adjustment.points_that_lost_views());
-    }
+    local_adjustment_summary summary;
+    noted([&] { adjustment(s, k, options, summary); },
+          [&] {
+            if (!adjustment.wrote()) return;
+            due_.moved(adjustment.points());
+            due_.changed(adjustment.points_that_lost_views());
+          });
     update_due(mapping_stage::adjustment);
     return summary;
   }
 
   /// Looks for duplicates between a keyframe's points and those of its neighbourhood, both ways, as the stage `fusion` does: after
-  /// poses were corrected, so that points on the two sides of a loop are found to be one [ORB-SLAM3]. For the thread that
+  /// poses were corrected, so that points on the two sides of a loop are found to be one [ORB-SLAM3]. The neighbourhood is that of
+  /// covisible keyframes: some points must have been merged already for the two sides to be it (docs/adjustment.md). For the thread that
   /// calls process(), between two calls. No deadline holds. Appearances follow; fused, held, ms (by the appearances), refused
   /// and points_updated of the last report() grow. After an exception the map is sound, and report().fused has what was done before it.
   /// \throws std::invalid_argument  as process()
@@ -393,19 +401,25 @@ class local_mapper {
     if (!(left > 0)) {
       progress_.cut();
     } else if (hooks_.adjust) {
-      hooks_.adjust(map_, working_.name(current), left);
-      working_.forget_poses();
+      noted([&] { hooks_.adjust(map_, working_.name(current), left); }, [this] { working_.forget_poses(); });
     } else if constexpr (adjusts) {
       const local_adjustment_options options = detail::adjustment_of(options_, left);
       const std::size_t outliers = report_.adjustment.outliers, points_erased = report_.adjustment.points_erased;
-      if constexpr (inertial)
-        report_.adjustment = adjustment_(s, current, options, options_.inertial);
-      else
-        report_.adjustment = adjustment_(s, current, options);
-      report_.adjustment.outliers += outliers;
-      report_.adjustment.points_erased += points_erased;
-      due_.moved(adjustment_.points());
-      due_.changed(adjustment_.points_that_lost_views());
+      bool ended = false;
+      const auto work = [&] {
+        if constexpr (inertial)
+          adjustment_(s, current, options, options_.inertial, report_.adjustment);
+        else
+          adjustment_(s, current, options, report_.adjustment);
+        ended = true;
+      };
+      noted(work, [&] {
+        report_.adjustment.outliers += outliers;
+        report_.adjustment.points_erased += points_erased;
+        if (!ended && !adjustment_.wrote()) return;
+        due_.moved(adjustment_.points());
+        due_.changed(adjustment_.points_that_lost_views());
+      });
     }
   }
 

@@ -125,6 +125,11 @@ void check_last_step(const Policy& policy) {
     options.min_predicted_decrease = bad;
     CHECK_THROWS_AS(adjust_poses(policy, in, options), std::invalid_argument);
   }
+  options = {};
+  for (const double bad : {-1., std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN()}) {
+    options.initial_lambda_scale = bad;
+    CHECK_THROWS_AS(adjust_poses(policy, in, options), std::invalid_argument);
+  }
 }
 
 /// Frames that cannot be adjusted: all outliers (1), not a number (3), no observation (5), too few (6), no rotation (7, 8).

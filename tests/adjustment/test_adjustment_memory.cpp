@@ -8,6 +8,8 @@
 
 #include <thrust/execution_policy.h>
 
+#include <turbomap/adjustment/covariance.hpp>
+
 #include <algorithm>
 #include <cfenv>
 #include <limits>
@@ -137,6 +139,9 @@ TEST_CASE("no memory, at whichever allocation: assign() throws, the problem is e
       std::vector<double> chi2(1), depth(1);
       problem.chi2<0>(ctx, chi2, depth);
       REQUIRE(chi2.size() + depth.size() == 0);
+      REQUIRE(turbomap::undetermined_directions(ctx, problem) == 0);
+      turbomap::frame_covariance(ctx, problem, {}, chi2);
+      REQUIRE(chi2.empty());
       large.assign(ctx, problem);
     }
     const auto a = adjust_all(ctx, problem);

@@ -500,6 +500,12 @@ TEST_CASE("bad input is refused by name, and the problem stays") {
   CHECK_THROWS_AS(turbomap::adjust<float64_methods>(ctx, problem, options), std::invalid_argument);
   options = {}, options.initial_lambda = nan_value;
   CHECK_THROWS_AS(turbomap::adjust<float64_methods>(ctx, problem, options), std::invalid_argument);
+  for (const double tolerance :
+       {0., 1., 1e200, nan_value}) {  // 1: no product with S is ever needed, and no step is one
+    options = in_float64(), options.pcg_tolerance = tolerance;
+    CHECK_THROWS_WITH_AS(turbomap::adjust<float64_methods>(ctx, problem, options),
+                         doctest::Contains("options.pcg_tolerance"), std::invalid_argument);
+  }
   adjusted a;
   a.summary = turbomap::adjust<float64_methods>(ctx, problem, in_float64());
   problem.frames(ctx, a.poses), problem.landmarks(ctx, a.points);

@@ -9,6 +9,7 @@
 
 #include <array>
 #include <functional>
+#include <limits>
 #include <string>
 
 #include "projection_cases.hpp"
@@ -282,6 +283,9 @@ TEST_CASE("bad options and flags are refused by name, and the last result stays"
   for (const double v : {-1.0, 0.0, nan}) refused("options.max_radius = ", [&](auto& o) { o.max_radius = v; });
   refused("options.finer_octaves = -1", [](auto& o) { o.finer_octaves = -1; });
   refused("options.coarser_octaves = -1", [](auto& o) { o.coarser_octaves = -1; });
+  turbomap::projection_options any;
+  any.finer_octaves = any.coarser_octaves = std::numeric_limits<int>::max();
+  CHECK((any.is_candidate(0, 7) && any.is_candidate(7, 0) && any.is_candidate(255, 3)));
   targets[1].taken = targets[1].taken.subspan(0, 3);
   refused("targets[1].taken.size() = 3", [](auto&) {});
 }

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <random>
 
 #include "marginal_prior_cases.hpp"
@@ -72,7 +73,16 @@ TEST_CASE("a frame of which nothing is known says nothing of the next; what is n
   auto bad = c.s.states[0];
   bad.velocity.x = std::nan("");
   CHECK_FALSE(out.add(factor, c.s.edges[0], bad, c.s.states[1]));
-  CHECK_FALSE(out.add(factor, c.s.edges[0], c.s.states[0], c.s.states[1], -1.0));
+  for (const double weight : {-1.0, std::nan(""), std::numeric_limits<double>::infinity(), 1e308})
+    CHECK_FALSE(out.add(factor, c.s.edges[0], c.s.states[0], c.s.states[1], weight));
+  turbomap::pose_information seen;
+  for (int i = 0, diagonal = 0; i < 6; ++i, diagonal += i + 1) seen.H[diagonal] = 1;
+  CHECK(turbomap::make_pose_prior(c.s.states[1], seen, prior));
+  seen.b[2] = std::nan("");
+  CHECK_FALSE(turbomap::make_pose_prior(c.s.states[1], seen, prior));
+  turbomap::inertial_factor::row row;
+  CHECK(turbomap::make_inertial_row(c.s.edges[0].motion, 1, row));
+  CHECK_FALSE(turbomap::make_inertial_row(c.s.edges[0].motion, std::numeric_limits<double>::infinity(), row));
   CHECK(out.prior(c.s.states[1]).R[0] == 0);
 }
 

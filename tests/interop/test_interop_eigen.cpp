@@ -85,6 +85,10 @@ TEST_CASE("what is no rigid motion is refused") {
   map.matrix()(3, 0) = 0.5;
   CHECK_THROWS_AS(from_eigen(map.matrix()), std::invalid_argument);
   CHECK_THROWS_AS(from_eigen(map), std::invalid_argument);
+  CHECK_NOTHROW(from_eigen(Eigen::Quaterniond::Identity(), Eigen::Vector3d(1e308, 1e308, 0)));
+  CHECK_THROWS_WITH(
+      from_eigen(Eigen::Quaterniond::Identity(), Eigen::Vector3d(0, std::numeric_limits<double>::infinity(), 0)),
+      "turbomap: translation = inf: must be finite");
   CHECK_THROWS_WITH(from_eigen(Eigen::Quaterniond(2, 0, 0, 0), Eigen::Vector3d::Zero().eval()),
                     "turbomap: quaternion norm = 2: must be 1");
 }

@@ -99,6 +99,13 @@ TEST_CASE("what is refused is not recorded, and may be recorded later") {
   auto less = data;
   --less.keypoint_count;
   CHECK_THROWS_AS(recorder.add(run.map, k, less, 0), std::invalid_argument);
+  auto missing = data;
+  missing.keypoints = nullptr;
+  CHECK_THROWS_WITH_AS(recorder.add(run.map, k, missing, 0), doctest::Contains("data.keypoints"),
+                       std::invalid_argument);
+  missing = data, missing.descriptors = nullptr;
+  CHECK_THROWS_WITH_AS(recorder.add(run.map, k, missing, 0), doctest::Contains("data.descriptors"),
+                       std::invalid_argument);
   const std::vector<turbomap::recorded_recent_point> later{{{7, 0}, 0, 1, 1}};
   CHECK_THROWS_AS(recorder.add(run.map, k, data, 0, later), std::invalid_argument);
   CHECK(recorder.get().data().keyframe_count() == 0);

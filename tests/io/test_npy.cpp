@@ -41,7 +41,8 @@ const std::string four_bytes("\x01\x02\x00\x00", 4);
 }  // namespace
 
 TEST_CASE_TEMPLATE("a .npy array of every type is read back as written", T, float, double, std::int32_t, std::int64_t,
-                   std::uint32_t, std::uint8_t, std::int8_t) {
+                   std::uint32_t, std::uint8_t, std::int8_t, std::int16_t, std::uint16_t, std::uint64_t, long,
+                   long long, unsigned long long) {
   const turbomap_test::temporary_directory folder;
   std::vector<T> values;
   for (int i = 0; i < 24; ++i) values.push_back(static_cast<T>(5 * i - 3));

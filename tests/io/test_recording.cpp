@@ -13,6 +13,7 @@
 #include <functional>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -358,6 +359,21 @@ TEST_CASE("the recorder refuses a keyframe whole") {
   CHECK(record.data().kp_xy.empty());
   keypoints[1].camera = 0;
   CHECK(record.add(k) == 0);
+  CHECK(record.data().kp_xy.size() == 2);
+}
+
+TEST_CASE("what was recorded is taken, and the next keyframe begins anew") {
+  turbomap::recorder record(small_meta(false));
+  const std::vector<turbomap::keypoint> keypoints(2);
+  const std::vector<turbomap::descriptor_bytes> descriptors(2);
+  turbomap::keyframe_record k;
+  k.keypoints = keypoints, k.descriptors = descriptors;
+  REQUIRE(record.add(k) == 0);
+  const turbomap::recording taken = std::move(record.data());
+  CHECK(taken.keyframe_count() == 1);
+  CHECK(record.add(k) == 0);
+  CHECK(record.data().kp_off == taken.kp_off);
+  CHECK(record.data().assoc_off == taken.assoc_off);
   CHECK(record.data().kp_xy.size() == 2);
 }
 

@@ -637,6 +637,52 @@ TEST_CASE("a fusion that ends between two parts: what it did is reported, and ap
   }
 }
 
+TEST_CASE("an adjustment that ends between two parts: what it did is reported, and appearances are due") {
+  using traits = turbomap::map_traits<watched>;
+  for (const bool on_request : {true, false}) {
+    CAPTURE(on_request);
+    const auto c = stereo_case(noisy(11));
+    const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
+    mapping_run<watched, sequential, turbomap::local_adjustment<watched, sequential>> run(scene, c.options);
+    auto& mapper = run.mapper;
+    mapper.options().enabled[mapping_stage::adjustment] = false;
+    run.steps(6);
+    for (const auto s : all_stages) mapper.options().enabled[s] = s == mapping_stage::adjustment;
+    turbomap::global_adjustment_options global;
+    global.scales = c.recipe.scales;
+    for (turbomap::local_adjustment_options* o :
+         {&mapper.options().adjustment, static_cast<turbomap::local_adjustment_options*>(&global)})
+      o->points_per_guard = 40, o->mono_chi2 = o->stereo_chi2 = 1;  // many outliers
+    const auto last = run.keyframes().back();
+    const auto pose = turbomap::pose_of(run.map, last);
+    const std::size_t observations = run.map.observation_count();
+    run.map.watch.before = [&] {  // positions are written after poses, then outliers are taken out
+      if (run.map.observation_count() != observations) throw std::runtime_error("no guard");
+    };
+    if (on_request)
+      CHECK_THROWS_AS(mapper.adjust_globally(last, global), std::runtime_error);
+    else
+      CHECK_THROWS_AS(mapper.process(last), std::runtime_error);
+    run.map.watch.before = nullptr;
+    CHECK_FALSE(turbomap::is_same_pose(pose, turbomap::pose_of(run.map, last)));
+    CHECK(run.map.observation_count() < observations);
+    if (!on_request) CHECK(mapper.report().adjustment.outliers > 0);
+    const auto updated = mapper.report().points_updated;
+    mapper.update_appearance({});  // whatever is due
+    CHECK(mapper.report().points_updated >= updated + 100);
+    CHECK(turbomap::validate(run.map).empty());
+    std::vector<turbomap::map_point_id> points;
+    std::vector<turbomap::vec3<float>> normals;
+    traits::for_each_point(
+        run.map, [&](turbomap::map_point_id p) { points.push_back(p), normals.push_back(traits::normal(run.map, p)); });
+    mapper.update_geometry(points);  // once more: nothing was left
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const auto now = traits::normal(run.map, points[i]);
+      REQUIRE((now.x == normals[i].x && now.y == normals[i].y && now.z == normals[i].z));
+    }
+  }
+}
+
 TEST_CASE("what a map says while it is fused or adjusted on request waits until that ends") {
   const auto c = stereo_case(noisy(11));
   const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
@@ -655,6 +701,7 @@ TEST_CASE("what a map says while it is fused or adjusted on request waits until 
   run.map.watch.after = [&] {
     run.mapper.update_appearance(turbomap::span<const turbomap::map_point_id>(&p, 1));
     CHECK_THROWS_AS(run.mapper.reset(), std::invalid_argument);
+    CHECK_THROWS_AS(run.mapper.process(last), std::invalid_argument);
     CHECK_THROWS_AS(run.mapper.fuse_around(last), std::invalid_argument);
   };
   turbomap::global_adjustment_options options;
@@ -885,6 +932,7 @@ TEST_CASE("bad options are refused when the mapper is made") {
   refuses([](auto& o) { o.checked_share = -0.01; });
   refuses([](auto& o) { o.checked_share = nan; });
   refuses([](auto& o) { o.extra_rounds = -1; });
+  refuses([](auto& o) { o.set_scales({1.2F, 7}); });  // the store takes keypoints of eight octaves
 }
 
 TEST_CASE("keyframes of the map that are not in the store are left out") {

@@ -8,6 +8,8 @@
 #include <limits>
 #include <stdexcept>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "support/policies.hpp"
 #include "track_creation_cases.hpp"
@@ -203,6 +205,7 @@ TEST_CASE_TEMPLATE("a landmark that has a point is left out", Policy, TURBOMAP_T
     check_known<Policy>(pinhole_rig(50), seed, 2000, 3, known, others);
     check_known<Policy>(pinhole_rig(), seed, 700, 1, known, others);
     check_known<Policy>(pinhole_rig(), seed, 1e6, 0, nobody, others);
+    check_known<Policy>(pinhole_rig(), seed, 1e6, std::numeric_limits<int>::max(), nobody, others);
     check_known<Policy>(pinhole_rig(), seed, 700, 2, near, others, 1);
     check_known<Policy>(fisheye_rig(), seed, 700, 2, near, others, 1);
     check_known<Policy>(pinhole_rig(), seed, 700, 2, by_default, others, creation_options{}.known_octaves);
@@ -223,6 +226,23 @@ TEST_CASE("nothing found, nothing created") {
     scene<orb, pinhole_camera> s(pinhole_rig(), recipe);
     CHECK(create_tracks_under(sequential{}, s, {}, {}).points.empty());
   }
+}
+
+TEST_CASE("matches that were moved from are none") {
+  scene<orb, pinhole_camera> s(pinhole_rig(50), many_views(3, motion::sideways));
+  turbomap::context<sequential> ctx{};
+  const resident_scene<orb, pinhole_camera, sequential> keyframes(ctx, s);
+  auto a = turbomap::search_correspondences(ctx, keyframes.query(), keyframes.neighbours());
+  const auto expected = a.plan(ctx).size();
+  REQUIRE(expected > 0);
+  auto b = std::move(a);
+  CHECK(a.size() == 0);  // NOLINT(bugprone-use-after-move): what is asked
+  CHECK(a.plan(ctx).empty());
+  CHECK(b.plan(ctx).size() == expected);
+  a = std::move(b);
+  CHECK(b.size() == 0);  // NOLINT(bugprone-use-after-move)
+  CHECK(b.plan(ctx).empty());
+  CHECK(a.plan(ctx).size() == expected);
 }
 
 TEST_CASE("bad options and tracks of another search are refused, and the last points stay") {
@@ -267,8 +287,29 @@ TEST_CASE("bad options and tracks of another search are refused, and the last po
   const std::vector<std::int32_t> offsets(2);
   CHECK_THROWS_AS(turbomap::create_track_points(ctx, found, joined, {}, made, {offsets, offsets}),
                   std::invalid_argument);
+  // Of each keyframe, where its numbers begin: one for each of its keypoints must be there.
+  std::vector<std::int32_t> begins(1, 0);
+  for (const std::int32_t count : found.keypoint_counts()) begins.push_back(begins.back() + count);
+  const std::vector<std::int32_t> numbers(static_cast<std::size_t>(begins.back()), -1);
+  begins.pop_back();
+  turbomap::create_track_points(ctx, found, joined, {}, made, {numbers, begins});
+  made.plan(ctx, after, kept);
+  CHECK(same(before, after));
+  const auto known_is_refused = [&](turbomap::span<const std::int32_t> given) {
+    CHECK_THROWS_WITH_AS(turbomap::create_track_points(ctx, found, joined, {}, made, {given, begins}),
+                         doctest::Contains("known.offsets[]"), std::invalid_argument);
+  };
+  known_is_refused({numbers.data(), numbers.size() - 1});
+  for (const std::int32_t begin : {-1, std::numeric_limits<std::int32_t>::max()}) {
+    begins[0] = begin;
+    known_is_refused(numbers);
+  }
+  made.plan(ctx, after, kept);
+  CHECK(same(before, after));
   const auto fewer = turbomap::search_correspondences(ctx, keyframes.query(), keyframes.neighbours().subspan(0, 1));
   CHECK_THROWS_AS(turbomap::create_track_points(ctx, fewer, joined, {}, made), std::invalid_argument);
+  CHECK(joined.are_of(found));
+  CHECK_FALSE(joined.are_of(fewer));
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <turbomap/math/rotation.hpp>
 
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include <doctest/doctest.h>
@@ -47,6 +48,15 @@ TEST_CASE("exponential and logarithm are inverse, from no angle to half a turn")
       CHECK((to_eigen(both.right) - oracle_right_jacobian(w)).norm() < 1e-12);
       CHECK((to_eigen(both.exp) - oracle_exp(w)).norm() < 1e-14);
     }
+}
+
+TEST_CASE("a pose is finite where each of its numbers is") {
+  turbomap::rigid_transform<double> T;
+  CHECK(turbomap::is_pose(T));
+  T.tx = T.ty = 1e308;
+  CHECK(turbomap::is_pose(T));
+  T.tz = std::numeric_limits<double>::infinity();
+  CHECK_FALSE(turbomap::is_pose(T));
 }
 
 TEST_CASE("half a turn has a logarithm of length pi") {

@@ -49,6 +49,7 @@ TEST_CASE("bad input is named: argument, index, value") {
   CHECK(refusal([&](K&, D& d) { d.cameras = nullptr; }).find("cameras = null") != std::string::npos);
   CHECK(refusal([&](K&, D& d) { d.camera_count = 0; }).find("camera_count = 0") != std::string::npos);
   CHECK(refusal([&](K& k, D&) { k.cameras[1].T_camera_body.tx = nan; }).find("T_camera_body") != std::string::npos);
+  CHECK(refusal([&](K& k, D&) { k.cameras[1].T_camera_body.tx = k.cameras[1].T_camera_body.ty = 1e308; }).empty());
   CHECK(refusal([&](K& k, D&) { k.cameras[0].camera.fx = 0; }).find("fx = 0") != std::string::npos);
   CHECK(refusal([&](K&, D& d) { d.bounds.max_x = nan; }).find("bounds.max_x = nan") != std::string::npos);
   CHECK(refusal([&](K&, D& d) { d.bounds.max_y = 0; }).find("bounds.max_y = 0") != std::string::npos);

@@ -39,6 +39,7 @@ frame_information information_of(context<Policy>& ctx,
   require(tolerance >= 0 && tolerance < 1, "tolerance", tolerance, "must be in [0, 1)");
   constexpr int D = Frame::dof;
   auto& data = problem.data();
+  if (problem.frame_count() == 0) return {};  // also where memory ran out, and lists of the problem before are left
   data.need_rows(ctx.policy());
   const adjustment_structure& s = data.structure;
   plain_vector<typename Frame::template state<double>> states;

@@ -122,6 +122,7 @@ class motion_only {
     require(options.iterations >= 1, "options.iterations", options.iterations, "must be positive");
     require(options.mono_chi2 > 0, "options.mono_chi2", options.mono_chi2, "must be positive");
     require(options.stereo_chi2 > 0, "options.stereo_chi2", options.stereo_chi2, "must be positive");
+    check_not_negative("options.initial_lambda_scale", options.initial_lambda_scale);
     require(options.min_predicted_decrease >= 0 && options.min_predicted_decrease <= 1e-6,
             "options.min_predicted_decrease", options.min_predicted_decrease, "must be within 0 and 1e-6");
     require_correlation(options.stereo_correlation, "options.stereo_correlation");

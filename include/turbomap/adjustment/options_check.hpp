@@ -27,7 +27,7 @@ void require_options(const adjustment_options& o) {
   check_not_negative("options.min_predicted_decrease", o.min_predicted_decrease);
   require(o.time_budget_ms >= 0, "options.time_budget_ms", o.time_budget_ms, "must not be negative");
   require(o.slow_iterations > 0, "options.slow_iterations", o.slow_iterations, "must be positive");
-  require(o.pcg_tolerance > 0, "options.pcg_tolerance", o.pcg_tolerance, "must be positive");
+  require(o.pcg_tolerance > 0 && o.pcg_tolerance < 1, "options.pcg_tolerance", o.pcg_tolerance, "must be in (0, 1)");
   require(o.pair_limit >= 0, "options.pair_limit", o.pair_limit, "must not be negative");
   require(o.pcg_max_iterations > 0, "options.pcg_max_iterations", o.pcg_max_iterations, "must be positive");
   require(o.solver == reduced_solver::automatic || Methods::solvers::has(o.solver), "options.solver",

@@ -16,11 +16,6 @@ TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
-// Each by itself: a sum of finite numbers may overflow.
-template <class... Numbers>
-bool each_finite(Numbers... x) {
-  return (is_finite(x) && ...);
-}
 template <class Frame>
 bool all_finite(const frame_input<Frame>& frames) {
   bool finite = true;

@@ -64,9 +64,10 @@ void validate_rig(const rig_view<Camera>& rig) {
     const rig_camera<Camera>& c = rig[i];
     const rigid_transform<double>& T = c.T_camera_body;
     validate_camera(c.camera);
-    const double n = std::sqrt(T.qx * T.qx + T.qy * T.qy + T.qz * T.qz + T.qw * T.qw), t = T.tx + T.ty + T.tz;
+    const double n = std::sqrt(T.qx * T.qx + T.qy * T.qy + T.qz * T.qz + T.qw * T.qw);
     require(detail::is_finite(n) && std::abs(n - 1) < 1e-3, "T_camera_body quaternion norm", n, "must be 1");
-    require(detail::is_finite(t), "T_camera_body translation", t, "must be finite");
+    const double elements[3] = {T.tx, T.ty, T.tz};
+    for (const double t : elements) require(detail::is_finite(t), "T_camera_body translation", t, "must be finite");
     check_not_negative("bf", static_cast<double>(c.bf));
   }
 }

@@ -62,7 +62,7 @@ struct projection_options {
   }
   /// \param predicted  octave of the point
   TURBOMAP_HD constexpr bool is_candidate(int octave, int predicted) const {
-    return octave <= predicted + coarser_octaves && octave >= predicted - finer_octaves;
+    return octave - predicted <= coarser_octaves && predicted - octave <= finer_octaves;
   }
 };
 

@@ -51,7 +51,7 @@ class projection_windows {
     u_[at] = p.x, v_[at] = p.y, u_right_[at] = bf_ > 0 ? p.x - bf_ / z : 0;
     const double radius = radius_[at] = widest_ * s * (1 + detail::loose) + detail::loose_pixels;
     least_[at] = level < 0 ? 0 : level - options.finer_octaves;
-    most_[at] = level < 0 ? 255 : level + options.coarser_octaves;
+    most_[at] = level < 0 ? 255 : level + std::min(options.coarser_octaves, 255);
     const cell_index_view& cells = view_.cells;
     const auto columns =
         detail::cells_between(p.x - radius, p.x + radius, cells.bounds.min_x, cells.inverse_width, cells.columns);

@@ -63,10 +63,12 @@ inline void check_sample(const argument_name& name, const imu_sample& s, const p
 /// \param member  of what has the name, such as ".bias"; nothing: the bias itself has it
 template <class S>
 void check_bias(const argument_name& name, const imu_bias<S>& b, const char* member = "") {
-  const auto sum = [](const vec3<S>& v) { return static_cast<double>(v.x + v.y + v.z); };
-  if (!is_finite(sum(b.gyro))) reject((name + member).append(".gyro"), sum(b.gyro), "must be finite");
-  if (!is_finite(sum(b.acceleration)))
-    reject((name + member).append(".acceleration"), sum(b.acceleration), "must be finite");
+  const auto check = [&](const char* vector, const vec3<S>& v) {
+    const S elements[3] = {v.x, v.y, v.z};
+    for (const S& x : elements)
+      if (!is_finite(x)) reject((name + member).append(vector), x, "must be finite");
+  };
+  check(".gyro", b.gyro), check(".acceleration", b.acceleration);
 }
 
 /// Throws std::invalid_argument where an interval cannot be integrated: its samples are not there, do not increase in

@@ -135,9 +135,9 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// \param weight  of its information: 1, or e.g. 1e-2 for the oldest edge of a window, whose start is not to be believed
 ///                [ORB-SLAM3]
-/// \return false: the covariance has no inverse (one step of the sensor, no noise), or the weight is not positive
+/// \return false: the covariance has no inverse (one step of the sensor, no noise), or the weight is not finite and positive
 inline bool make_inertial_row(const preintegration<double>& motion, double weight, inertial_factor::row& row) {
-  if (!(weight > 0) || !inertial_whitening(motion, row.whitening)) return false;
+  if (!(weight > 0) || !detail::is_finite(weight) || !inertial_whitening(motion, row.whitening)) return false;
   row.motion = motion;
   const double root = std::sqrt(weight);
   for (double& w : row.whitening) w *= root;

@@ -85,7 +85,7 @@ struct marginal_prior_factor {
 TURBOMAP_BEGIN_NAMESPACE
 
 /// What is known of a pose alone, as a prior of a frame, e.g. from what is seen from it.
-/// \param seen  at the pose of x   \return false: the pose is not determined
+/// \param seen  at the pose of x   \return false: the pose is not determined, or a number is not finite
 inline bool make_pose_prior(const inertial_state<double>& x, const pose_information& seen,
                             marginal_prior_factor::row& prior) {
   double L[36], e[6], diagonal[6];
@@ -94,6 +94,7 @@ inline bool make_pose_prior(const inertial_state<double>& x, const pose_informat
   if (!factorise_small<6>(L, diagonal, 1e-12)) return false;
   for (int i = 0; i < 6; ++i) e[i] = -seen.b[i];
   solve_lower<6>(L, e);
+  if (!detail::all_finite(e, 6)) return false;
   prior = {x, {}, {}};
   for (int i = 0; i < 6; ++i) {
     prior.e[i] = e[i];
@@ -156,11 +157,11 @@ class state_marginaliser {
 
   bool append(int count, const double* leaves, const double* stays, const double* e, double weight) {
     const double root = std::sqrt(weight);
-    bool finite = root >= 0;
-    for (int r = 0; r < count; ++r) finite = finite && detail::is_finite(e[r]);
-    finite =
-        finite && detail::all_finite(leaves, 15 * count) && (stays == nullptr || detail::all_finite(stays, 15 * count));
-    if (!finite) return false;
+    double squares = 0;  // of what the rows will have, as triangular() sums them
+    for (int r = 0; r < count; ++r) squares += e[r] * e[r];
+    for (int n = 0; n < 15 * count; ++n)
+      squares += leaves[n] * leaves[n] + (stays == nullptr ? 0 : stays[n] * stays[n]);
+    if (!(root >= 0) || !detail::is_finite(squares) || !detail::is_finite(weight * squares)) return false;
     for (int r = 0; r < count; ++r) {
       matrix_row row;
       for (int c = 0; c < 15; ++c) {

@@ -53,7 +53,8 @@ rigid_transform<typename Q::Scalar> from_eigen(const Eigen::QuaternionBase<Q>& r
   const T length = rotation.norm();
   require(std::isfinite(length) && std::abs(length - T(1)) < T(1e-3), "quaternion norm", length, "must be 1");
   const vec3<T> t = from_eigen(translation);
-  require(std::isfinite(t.x + t.y + t.z), "translation sum", t.x + t.y + t.z, "must be finite");
+  const T elements[3] = {t.x, t.y, t.z};
+  for (const T& x : elements) require(std::isfinite(x), "translation", x, "must be finite");
   return {rotation.x(), rotation.y(), rotation.z(), rotation.w(), t.x, t.y, t.z};
 }
 /// Eigen::Isometry3, Affine3, or a Projective3 whose last row is (0 0 0 1), as a pose `T_ab`. Throws std::invalid_argument

@@ -56,6 +56,8 @@ class map_recorder {
     const data_type flat = flat_data(data);
     const auto count = static_cast<std::size_t>(flat.keypoint_count);
     require(count == keypoint_count_of(map, k), "data", count, "must have the keypoints of the keyframe in the map");
+    require(count == 0 || flat.keypoints != nullptr, "data.keypoints", "null", "there are keypoints to read");
+    require(count == 0 || flat.descriptors != nullptr, "data.descriptors", "null", "there are descriptors to read");
     descriptors_.resize(count);
     for (std::size_t i = 0; i < count; ++i) std::copy_n(flat.descriptors + i * 32, 32, descriptors_[i].begin());
     associations_.clear();

@@ -86,14 +86,14 @@ namespace detail {
 template <class T>
 constexpr const char* npy_descr() {
   static_assert(std::is_arithmetic_v<T>, "turbomap: a .npy array holds plain numbers; specialise npy_row for a struct");
+  static_assert(
+      (std::is_integral_v<T> && !std::is_same_v<T, bool>) || std::is_same_v<T, float> || std::is_same_v<T, double>,
+      "turbomap: no .npy type for this one");
   if (std::is_same_v<T, float>) return "<f4";
   if (std::is_same_v<T, double>) return "<f8";
-  if (std::is_same_v<T, std::int32_t>) return "<i4";
-  if (std::is_same_v<T, std::int64_t>) return "<i8";
-  if (std::is_same_v<T, std::uint32_t>) return "<u4";
-  if (std::is_same_v<T, std::uint8_t>) return "|u1";
-  if (std::is_same_v<T, std::int8_t>) return "|i1";
-  return "";
+  constexpr const char* whole[2][4] = {{"|u1", "<u2", "<u4", "<u8"}, {"|i1", "<i2", "<i4", "<i8"}};
+  constexpr int size = sizeof(T) == 1 ? 0 : sizeof(T) == 2 ? 1 : sizeof(T) == 4 ? 2 : 3;
+  return whole[std::is_signed_v<T> ? 1 : 0][size];
 }
 
 inline void require_little_endian(const std::string& file) {

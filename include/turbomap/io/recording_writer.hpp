@@ -134,7 +134,7 @@ class recorder {
     add_timed(recording_.gt_t_ns, t_ns, "add_ground_truth", next);
   }
 
-  /// What has been collected, to add to (final poses, events, truth) or to take.
+  /// What has been collected, to add to (final poses, events, truth) or to take: the next keyframe begins a new recording then.
   recording& data() { return recording_; }
 
   /// Sets the counts in meta, validates and writes (see write_recording).
@@ -196,10 +196,12 @@ class recorder {
       visit_arrays(recording_, [&](const char*, auto& rows, recording_rows what, presence) {
         const auto& source = *static_cast<const std::remove_reference_t<decltype(rows)>*>(sources[at++]);
         if (room_only) {
-          if (rows.capacity() < rows.size() + source.size()) rows.reserve(2 * rows.size() + source.size());
+          // One more: of offsets that were taken, the first one is missing.
+          if (rows.capacity() < rows.size() + source.size() + 1) rows.reserve(2 * rows.size() + source.size() + 1);
         } else if (what != recording_rows::keyframe_offsets) {
           rows.insert(rows.end(), source.begin(), source.end());
         } else if constexpr (std::is_same_v<decltype(rows), std::vector<std::int64_t>&>) {
+          if (rows.empty()) rows.push_back(0);
           if (!source.empty()) rows.push_back(rows.back() + source.back());
         }
       });

@@ -82,8 +82,10 @@ class adjustment_commit {
   explicit adjustment_commit(const adjustment_window<Map>& window, const window_measurements<Map, Policy>& measurements)
       : window_(window), measurements_(measurements) {}
 
-  /// A window is read anew: nothing of it has lost a view.
-  void clear() { lost_views_.clear(); }
+  /// A window is read anew: nothing of it was written, or has lost a view.
+  void clear() { lost_views_.clear(), wrote_ = false; }
+  /// Whether anything of the window was written to the map.
+  bool wrote() const { return wrote_; }
 
   /// Finds the outliers, writes poses and positions, and takes the outliers out, in parts; all poses are written in one. Before each
   /// part it looks whether the poses are those that it knows: once somebody else has moved a keyframe, the rest of the result
@@ -155,6 +157,7 @@ class adjustment_commit {
   }
   template <class More>
   void write_poses(Map& map, More& more) {
+    wrote_ = true;
     const auto& frames = window_.frames();
     for (std::size_t f = 0; f < frames.size(); ++f) {
       if (window_.fixed()[f] != 0) continue;
@@ -255,6 +258,7 @@ class adjustment_commit {
   plain_vector<std::uint8_t> checks_;            ///< by point, since the guard was taken
   list_of<keyframe> alive_;                      ///< see look_at_point()
   list_of<point> lost_views_;
+  bool wrote_ = false;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -32,6 +32,7 @@ class global_adjustment : private local_adjustment<Map, Policy, Methods> {
   using base::compute;
   using base::points;
   using base::points_that_lost_views;
+  using base::wrote;
   /// @{
   /// As of local_adjustment.
   using typename base::camera;
@@ -54,21 +55,30 @@ class global_adjustment : private local_adjustment<Map, Policy, Methods> {
   /// \return what was done; no such keyframe: stale
   local_adjustment_summary operator()(const scope& s, keyframe anyone, const global_adjustment_options& options) {
     local_adjustment_summary summary;
+    (*this)(s, anyone, options, summary);
+    return summary;
+  }
+  /// The same. \param summary  overwritten; after an exception it has what was done before
+  void operator()(const scope& s, keyframe anyone, const global_adjustment_options& options,
+                  local_adjustment_summary& summary) {
+    summary = {};
     snapshot(s, anyone, options, summary);
-    return finish(s, options, summary);
+    finish(s, options, summary);
   }
   /// Adjusts these keyframes and their points. Fixed are other keyframes that see these points, and the origin.
   local_adjustment_summary operator()(const scope& s, span<const keyframe> keyframes,
                                       const global_adjustment_options& options) {
     local_adjustment_summary summary;
     snapshot(s, keyframes, options, summary);
-    return finish(s, options, summary);
+    finish(s, options, summary);
+    return summary;
   }
 
   /// The window of the first form, read in parts (points_read_per_guard of the scope). Waits for no other stage. What others add
   /// to what has been read does not take part.
   void snapshot(const scope& s, keyframe anyone, const global_adjustment_options& options,
                 local_adjustment_summary& summary) {
+    this->nothing_is_written();
     check(options);
     s.in_parts(
         [&] {
@@ -83,6 +93,7 @@ class global_adjustment : private local_adjustment<Map, Policy, Methods> {
   /// That of the second. Keyframes that are dead, or not in the store, are passed over; none: stale.
   void snapshot(const scope& s, span<const keyframe> keyframes, const global_adjustment_options& options,
                 local_adjustment_summary& summary) {
+    this->nothing_is_written();
     check(options);
     s.in_parts(
         [&] {
@@ -95,10 +106,8 @@ class global_adjustment : private local_adjustment<Map, Policy, Methods> {
   }
 
  private:
-  local_adjustment_summary finish(const scope& s, const global_adjustment_options& options,
-                                  local_adjustment_summary& summary) {
+  void finish(const scope& s, const global_adjustment_options& options, local_adjustment_summary& summary) {
     if (!summary.stale && this->compute(s, options, summary)) this->commit(s, options, summary);
-    return summary;
   }
 };
 

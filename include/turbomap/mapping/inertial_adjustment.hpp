@@ -82,19 +82,25 @@ class inertial_adjustment {
   local_adjustment_summary operator()(const scope& s, keyframe current, const local_adjustment_options& options,
                                       const inertial_adjustment_options& inertial = {}) {
     local_adjustment_summary summary;
-    snapshot(s, current, options, inertial, summary);
-    if (!summary.inertial) {
-      if (!summary.stale) summary = visual_(s, current, options);
-      return summary;
-    }
-    if (summary.stale || !compute(s, options, summary)) return summary;
-    commit(s, options, summary);
+    (*this)(s, current, options, inertial, summary);
     return summary;
+  }
+  /// The same. \param summary  overwritten; after an exception it has what was done before
+  void operator()(const scope& s, keyframe current, const local_adjustment_options& options,
+                  const inertial_adjustment_options& inertial, local_adjustment_summary& summary) {
+    summary = {};
+    snapshot(s, current, options, inertial, summary);
+    if (summary.stale) return;
+    if (!summary.inertial)
+      visual_(s, current, options, summary);
+    else if (compute(s, options, summary))
+      commit(s, options, summary);
   }
 
   /// The window. summary.inertial is false where the map is not initialised: there is no window then.
   void snapshot(const scope& s, keyframe current, const local_adjustment_options& options,
                 const inertial_adjustment_options& inertial, local_adjustment_summary& summary) {
+    commit_.clear(), visual_.forget();  // its points may be gone by now
     check(options);
     check(inertial);
     s.in_parts([&] { choose(s, current, inertial, summary); },
@@ -161,6 +167,8 @@ class inertial_adjustment {
   /// As of local_adjustment.
   const list_of<point>& points() const { return is_inertial_ ? window_.points() : visual_.points(); }
   /// As of local_adjustment.
+  bool wrote() const { return is_inertial_ ? commit_.wrote() : visual_.wrote(); }
+  /// As of local_adjustment.
   const list_of<point>& points_that_lost_views() const {
     return is_inertial_ ? commit_.points_that_lost_views() : visual_.points_that_lost_views();
   }
@@ -172,9 +180,7 @@ class inertial_adjustment {
   /// The frames of the window. The caller holds the guard.
   void choose(const scope& s, keyframe current, const inertial_adjustment_options& inertial,
               local_adjustment_summary& summary) {
-    commit_.clear();
     window_.clear();
-    visual_.forget();  // its points may be gone by now
     summary.stale = current == keyframe{} || !traits::alive(s.map, current);
     is_inertial_ = summary.inertial = !summary.stale && inertial_traits<Map>::initialised(s.map);
     if (summary.stale) summary.solve.end = adjustment_end::no_observations;

@@ -41,7 +41,7 @@ class local_adjustment {
   explicit local_adjustment(const scope& s) : local_adjustment(s.ctx) {}
   /// \param ctx  must outlive this
   explicit local_adjustment(context<Policy>& ctx) : measurements_(ctx), problem_(ctx), commit_(window_, measurements_) {
-    static_assert(detail::map_has_v<Map, detail::map_adjust_member>,
+    static_assert(adjustable_v<Map>,
                   "turbomap: local_adjustment needs map_traits with set_pose and set_position; see docs/map.md");
   }
   local_adjustment(const local_adjustment&) = delete;  // the commit refers to the window
@@ -55,15 +55,21 @@ class local_adjustment {
   ///         contradict it between two parts, the parts before stay
   local_adjustment_summary operator()(const scope& s, keyframe current, const local_adjustment_options& options) {
     local_adjustment_summary summary;
-    snapshot(s, current, options, summary);
-    if (summary.stale || !compute(s, options, summary)) return summary;
-    commit(s, options, summary);
+    (*this)(s, current, options, summary);
     return summary;
+  }
+  /// The same. \param summary  overwritten; after an exception it has what was done before
+  void operator()(const scope& s, keyframe current, const local_adjustment_options& options,
+                  local_adjustment_summary& summary) {
+    summary = {};
+    snapshot(s, current, options, summary);
+    if (!summary.stale && compute(s, options, summary)) commit(s, options, summary);
   }
 
   /// The window around the keyframe.
   void snapshot(const scope& s, keyframe current, const local_adjustment_options& options,
                 local_adjustment_summary& summary) {
+    nothing_is_written();
     check(options);
     s.in_parts(
         [&] {
@@ -101,13 +107,16 @@ class local_adjustment {
   const list_of<point>& points() const { return window_.points(); }
   /// Those of them that lost an observation as an outlier and live on: their descriptors are due too.
   const list_of<point>& points_that_lost_views() const { return commit_.points_that_lost_views(); }
+  /// Whether the last adjustment wrote anything of it to the map, also where it ended with an exception.
+  bool wrote() const { return commit_.wrote(); }
   /// There was none: both lists are empty. For who adjusts in another way meanwhile.
   void forget() { window_.clear(), commit_.clear(); }
 
  protected:
+  /// Comes first: what follows may throw.
+  void nothing_is_written() { commit_.clear(); }
   /// \param stale  there is no window
   void begin(local_adjustment_summary& summary, bool stale) {
-    commit_.clear();
     summary.stale = stale;
     if (!stale) return;
     summary.solve.end = adjustment_end::no_observations;

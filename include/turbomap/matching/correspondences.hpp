@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory_resource>
+#include <utility>
 #include <vector>
 
 #include "../array.hpp"
@@ -34,9 +35,10 @@ struct search_buffers {
   array<pair_geometry, Memory> pairs;                          ///< [neighbour][query camera][neighbour camera]
   array<std::int32_t, Memory> match;                           ///< [neighbour][slot]
   array<typename Descriptor::distance_type, Memory> distance;  ///< [neighbour][slot]
-  plain_vector<std::int32_t> queries;   ///< query keypoints without a map point, ascending: the slots
-  std::size_t neighbour_keypoints = 0;  ///< of all neighbours together
-  bool has_angles = false;              ///< every keyframe came with the angles of its keypoints
+  plain_vector<std::int32_t> queries;          ///< query keypoints without a map point, ascending: the slots
+  plain_vector<std::int32_t> keypoint_counts;  ///< of the query, then of each neighbour
+  std::size_t neighbour_keypoints = 0;         ///< of all neighbours together
+  bool has_angles = false;                     ///< every keyframe came with the angles of its keypoints
 };
 
 namespace detail {
@@ -75,9 +77,17 @@ class correspondences {
   /// Takes its memory from the context.
   explicit correspondences(const context<Policy>& ctx) : buffers_(ctx.resource()), list_(ctx) {}
   /// What was moved from holds nothing.
-  correspondences(correspondences&&) = default;
+  correspondences(correspondences&& other) noexcept
+      : buffers_(std::move(other.buffers_)), list_(std::move(other.list_)) {
+    other.clear();
+  }
   /// What was moved from holds nothing.
-  correspondences& operator=(correspondences&&) = default;
+  correspondences& operator=(correspondences&& other) noexcept {
+    if (this == &other) return *this;
+    buffers_ = std::move(other.buffers_), list_ = std::move(other.list_);
+    other.clear();
+    return *this;
+  }
 
   /// No matches: what is left where a call ran out of memory, or was stopped.
   void clear() {
@@ -100,6 +110,8 @@ class correspondences {
   void plan(context<Policy>& ctx, List& result) const {
     list_.read(ctx, size(), detail::match_found<Descriptor, Camera>{view()}, result);
   }
+  /// Keypoints of the query, then of each neighbour.
+  const plain_vector<std::int32_t>& keypoint_counts() const { return buffers_.keypoint_counts; }
   /// Keypoints of all neighbours together.
   std::size_t neighbour_keypoint_count() const { return buffers_.neighbour_keypoints; }
   /// Every keyframe came with the angles of its keypoints.

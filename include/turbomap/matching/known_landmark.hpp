@@ -27,7 +27,7 @@ struct known_landmark {
   TURBOMAP_HD bool operator()(int begin, int end, int first, int stride) const {
     const int wanted = tracks.options.known_views;
     if (tracks.map_points == nullptr || wanted <= 0) return false;
-    for (int i = begin + first; i + wanted <= end; i += stride) {
+    for (int i = begin + first; wanted <= end - i; i += stride) {
       asked_in_others ask{*this, i, end, wanted, false};
       visit_beside(i, ask);
       if (ask.found) return true;

@@ -108,7 +108,7 @@ class track_creation {
 /// \param known    where map points are seen in these keyframes: a landmark that has one is left out (outcome `known`)
 /// \param result   overwritten. Under CUDA the work may still be running on return
 /// \throws std::invalid_argument  an option is not finite or out of range, the scale factor is not that of the search, or
-///         tracks are not of the matches; nothing is changed
+///         tracks are not of the matches, or `known` has no number for a keypoint; nothing is changed
 /// Decisions and positions are equal to the last bit on every policy. O(views^2) per track where many views leave;
 /// O(keypoints of the keyframe) more where two cameras of one keyframe are left.
 template <class Descriptor, class Camera, class Policy>
@@ -117,12 +117,18 @@ void create_track_points(context<Policy>& ctx, const correspondences<Descriptor,
                          track_creation<Policy>& result, const known_points& known = {}) {
   const named_range range("create_track_points");
   check_creation_options(options, matches.view().options.scales.scale_factor);
-  require(tracks.searched() == matches.size(), "tracks", tracks.searched(),
-          "are not of the matches: of another number");
+  require(tracks.are_of(matches), "tracks", tracks.tracks().size(),
+          "are not of the matches: of other neighbours or keypoints (their number is given)");
   const auto keyframes =
       static_cast<std::size_t>(1 + matches.view().neighbour_count - (matches.view().own_neighbour >= 0 ? 1 : 0));
   require(known.offsets.empty() || known.offsets.size() == keyframes, "known.offsets.size()", known.offsets.size(),
           "must be the number of keyframes, or 0");
+  const auto& counts = matches.keypoint_counts();  // none before the first search
+  for (std::size_t k = 0; k < known.offsets.size(); ++k) {
+    const std::int64_t begin = known.offsets[k], keypoints = k < counts.size() ? counts[k] : 0;
+    require(begin >= 0 && begin + keypoints <= static_cast<std::int64_t>(known.numbers.size()), "known.offsets[]",
+            begin, "leaves no number for each keypoint of its keyframe");
+  }
   result.create(ctx, matches.view(), tracks.tracks(), options, known);
 }
 

@@ -60,8 +60,8 @@ class match_tracks {
 
   /// See join_tracks().
   void join(context<Policy>& ctx, const matches_type& matches) {
-    searched_ = matches.size();
     const auto& search = matches.view();
+    neighbours_ = search.neighbour_count, slots_ = search.slot_count;
     match_cameras_.clear();
     if (search.query_cameras > 1 || search.neighbour_cameras > 1)
       read_with_cameras(ctx, matches);
@@ -74,8 +74,10 @@ class match_tracks {
   const track_list& tracks() const { return tracks_; }
   /// The matches that were joined, in (neighbour, query keypoint) order: tracks().outcomes says what became of each.
   const list_type& plan() const { return plan_; }
-  /// size() of the correspondences that were joined.
-  int searched() const { return searched_; }
+  /// Whether the correspondences that were joined were of as many neighbours and query keypoints as these.
+  bool are_of(const matches_type& matches) const {
+    return neighbours_ == matches.view().neighbour_count && slots_ == matches.view().slot_count;
+  }
 
  private:
   void read_with_cameras(context<Policy>& ctx, const matches_type& matches) {
@@ -89,7 +91,7 @@ class match_tracks {
   plain_vector<placed_match> placed_;
   plain_vector<match_cameras> match_cameras_;
   list_type plan_;
-  int searched_ = 0;
+  int neighbours_ = 0, slots_ = 0;  ///< of the search
   track_joiner join_;
   track_list tracks_;
 };

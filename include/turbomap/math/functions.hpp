@@ -61,6 +61,12 @@ TURBOMAP_HD bool is_finite(const S& a) {
   return a - a == S(0);
 }
 
+/// Each by itself: a sum of finite numbers may overflow.
+template <class... Numbers>
+TURBOMAP_HD bool each_finite(Numbers... x) {
+  return (is_finite(x) && ...);
+}
+
 TURBOMAP_HD inline bool is_nan(double a) { return (bits_of(a) << 1) > 0xFFE0000000000000u; }
 
 /// True for a set sign bit, also that of -0.

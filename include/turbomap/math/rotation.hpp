@@ -19,7 +19,7 @@ TURBOMAP_BEGIN_NAMESPACE
 /// multiply quaternions without normalising them drift far less than that between two keyframes.
 inline bool is_pose(const rigid_transform<double>& T) {
   const double norm = T.qx * T.qx + T.qy * T.qy + T.qz * T.qz + T.qw * T.qw;
-  return detail::is_finite(T.qx + T.qy + T.qz + T.qw + T.tx + T.ty + T.tz) && norm - 1 < 1e-3 && norm - 1 > -1e-3;
+  return detail::each_finite(T.qx, T.qy, T.qz, T.qw, T.tx, T.ty, T.tz) && norm - 1 < 1e-3 && norm - 1 > -1e-3;
 }
 
 /// 1 / sqrt(x).

@@ -8,6 +8,7 @@
 #include <doctest/doctest.h>
 
 #include <turbomap/map/map_edit.hpp>
+#include <turbomap/map/simple_map/simple_inertial_map.hpp>
 #include <turbomap/map/simple_map/simple_map.hpp>
 
 #include <cstddef>
@@ -252,6 +253,40 @@ TEST_CASE("out of memory leaves the map as it was") {
   const auto p = map.add_point({});
   turbomap::erase_point(map, p);
   CHECK(map.point_count() == 9);
+}
+
+using inertial_map = turbomap::simple_inertial_map<turbomap::binary_descriptor<256>, turbomap::pinhole<float>>;
+
+TEST_CASE("what is set of a keyframe may be what the map has of another one") {
+  inertial_map map;
+  const std::vector<turbomap::keypoint> keypoints(1);
+  const auto known = map.add_keyframe(keypoints, {});
+  map.set_velocity(known, {1, 2, 3}), map.set_bias(known, {{4, 5, 6}, {7, 8, 9}});
+  turbomap::preintegration<double> motion;
+  motion.dt = 0.5;
+  map.set_motion(known, motion);
+  for (int i = 0; i < 40; ++i) {  // of keyframes that have no room for it: the list grows when it is set
+    const auto k = static_cast<inertial_map::simple_map&>(map).add_keyframe(keypoints, {});
+    if (i % 3 == 0) map.set_velocity(k, map.velocity(known));
+    if (i % 3 == 1) map.set_bias(k, map.bias(known));
+    if (i % 3 == 2) map.set_motion(k, *map.motion(known));
+    CHECK(map.velocity(k).z == (i % 3 == 0 ? 3 : 0));
+    CHECK(map.bias(k).acceleration.z == (i % 3 == 1 ? 9 : 0));
+    CHECK((map.motion(k) != nullptr) == (i % 3 == 2));
+  }
+}
+
+TEST_CASE("options with which samples could not be integrated again are refused") {
+  inertial_map map;
+  turbomap::preintegration_options bad;
+  bad.max_gyro_bias_change = std::numeric_limits<double>::quiet_NaN();
+  turbomap::rigid_transform<double> T_bc;
+  T_bc.tx = 0.1;
+  CHECK_THROWS_WITH_AS(map.set_imu(T_bc, bad), doctest::Contains("max_gyro_bias_change"), std::invalid_argument);
+  CHECK(map.T_bc().tx == 0);
+  bad = {};
+  bad.noise.gyro = -1;
+  CHECK_THROWS_WITH_AS((inertial_map(8, {}, bad)), doctest::Contains("noise.gyro"), std::invalid_argument);
 }
 
 }  // namespace

@@ -33,9 +33,11 @@ class simple_inertial_map : public simple_map<Descriptor, Camera> {
       : simple_map<Descriptor, Camera>(levels) {
     set_imu(T_bc, imu);
   }
-  /// As the constructor sets them. Throws std::invalid_argument, with nothing changed, for a T_bc that is no pose.
+  /// As the constructor sets them. Throws std::invalid_argument, with nothing changed, for a T_bc that is no pose, or options that
+  /// preintegrate() refuses.
   void set_imu(const rigid_transform<double>& T_bc, const preintegration_options& imu) {
     require(is_pose(T_bc), "T_bc", T_bc.qw, "must be finite, with a quaternion of unit length (qw is given)");
+    detail::check_preintegration_options(imu);
     T_bc_ = T_bc, imu_ = imu;
   }
 
@@ -66,17 +68,17 @@ class simple_inertial_map : public simple_map<Descriptor, Camera> {
 
   /// Of the IMU in the world, m/s. 0 until it is set.
   const vec3<double>& velocity(map_keyframe_id k) const { return at(k).velocity; }
-  /// Of the IMU in the world, m/s.
-  void set_velocity(map_keyframe_id k, const vec3<double>& velocity) { make(k).velocity = velocity; }
+  /// Of the IMU in the world, m/s. By value, as below: it may be one of this map's, whose list may grow here.
+  void set_velocity(map_keyframe_id k, vec3<double> velocity) { make(k).velocity = velocity; }
   /// Of the IMU at the keyframe, rad/s and m/s^2. 0 until it is set.
   const imu_bias<double>& bias(map_keyframe_id k) const { return at(k).bias; }
   /// Of the IMU at the keyframe, rad/s and m/s^2.
-  void set_bias(map_keyframe_id k, const imu_bias<double>& bias) { make(k).bias = bias; }
+  void set_bias(map_keyframe_id k, imu_bias<double> bias) { make(k).bias = bias; }
   /// From the keyframe before in time; null where it is not known.
   const preintegration<double>* motion(map_keyframe_id k) const { return at(k).has_motion ? &at(k).motion : nullptr; }
   /// \param samples  what was integrated, so that it can be integrated again; none: motions are corrected to first order
-  // It is moved from. NOLINTNEXTLINE(performance-unnecessary-value-param)
-  void set_motion(map_keyframe_id k, const preintegration<double>& motion, imu_history samples = {}) {
+  // Samples are moved from. NOLINTNEXTLINE(performance-unnecessary-value-param)
+  void set_motion(map_keyframe_id k, preintegration<double> motion, imu_history samples = {}) {
     auto& entry = make(k);
     entry.motion = motion, entry.has_motion = true, entry.samples = std::move(samples);
   }
