@@ -20,6 +20,7 @@
 #include "mapping/local_mapper_check.hpp"
 #include "mapping/local_mapper_hooks.hpp"
 #include "mapping/local_mapper_options.hpp"
+#include "mapping/look_again.hpp"
 #include "mapping/map_point_creation.hpp"
 #include "mapping/mapper_adjustment.hpp"
 #include "mapping/mapping_progress.hpp"
@@ -134,7 +135,6 @@ class local_mapper {
     report_ = {};
     has_pose_ = false;
     progress_.start(options_.deadline_ms);
-    require(!(current == keyframe{}), "keyframe", "none", "is not a keyframe of the map");
     {
       const auto guard = scope_of(mapping_stage::process).guard();
       const std::uint64_t id = stored_.require_stored(current);
@@ -196,7 +196,6 @@ class local_mapper {
   /// \throws std::invalid_argument  as process()
   fusion_summary fuse_around(const keyframe& k) {
     require_idle("fuse_around");
-    require(!(k == keyframe{}), "keyframe", "none", "is not a keyframe of the map");
     const in_progress fusing(*this);
     const scope s = scope_of(mapping_stage::fusion);
     stage_keyframe current;
@@ -341,6 +340,8 @@ class local_mapper {
     points_.clear();
     {
       const auto guard = s.guard();
+      look_again(s.map, current);
+      if (!stage_traits::alive(s.map, current)) return progress_.stop();  // erased meanwhile
       for (std::size_t i = 0; i < keypoint_count_of(s.map, current); ++i)
         points_.push_back(stage_traits::point_at(s.map, current, i));
     }

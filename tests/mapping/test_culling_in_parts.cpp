@@ -46,6 +46,7 @@ struct parted_map : watched_map<turbomap::binary_descriptor<256>> {
   std::set<std::uint64_t> pinned;                              ///< ids of keyframes
   long taken = 0, most_taken = 0;                              ///< observations in this hold; in any
   mutable long calls_left = std::numeric_limits<long>::max();  ///< until they throw
+  mutable long reads_left = std::numeric_limits<long>::max();  ///< the same of reads of observations
 
   void may_throw() const {
     if (calls_left-- <= 0) throw broken_write();
@@ -75,6 +76,11 @@ struct turbomap::map_traits<turbomap_test::parted_map>
   static keyframe previous(const map& m, keyframe k) {
     CHECK(m.alive(k));
     return base::previous(m, k);
+  }
+  template <class F>
+  static void for_each_observation(const map& m, point p, F f) {
+    if (m.reads_left-- <= 0) throw turbomap_test::broken_write();
+    base::for_each_observation(m, p, f);
   }
   static void erase_observation(map& m, point p, keyframe k, std::size_t i) {
     m.may_throw();
@@ -534,6 +540,27 @@ int commit_with_failures() {
 
 TEST_CASE_TEMPLATE("traits that throw in the middle", Map, parted_map, mirrored_parted_map) {
   CHECK(commit_with_failures<broken_writes_after, broken_write, Map>() > 80);
+}
+
+TEST_CASE("a part that cannot read the map ends with its exception, and the erasure goes on") {
+  world<parted_map> w(3);
+  auto& map = w.map;
+  const keyframe k = w.k[candidate];
+  turbomap::erasure_in_parts<parted_map> parts;
+  std::vector<point> touched;
+  const auto part = [&] { return parts(map, 10, 2, touched, turbomap::fault_sink{}); };
+  parts.begin(k, traits::id(map, k));
+  REQUIRE(part() == turbomap::erasure_part::some);
+  const std::size_t seen = w.seen().size();
+  map.reads_left = 0;
+  CHECK_THROWS_AS(part(), broken_write);
+  map.reads_left = std::numeric_limits<long>::max();
+  CHECK(parts.is_of(k));
+  CHECK(w.seen().size() == seen);
+  while (part() == turbomap::erasure_part::some) {
+  }
+  CHECK(w.seen().empty());
+  CHECK(turbomap::validate(map).empty());
 }
 
 TEST_CASE("no memory in the middle") {

@@ -860,6 +860,30 @@ TEST_CASE("keyframes that are about to be erased still hold their points") {
   }
 }
 
+TEST_CASE("a keyframe that others erase while it is processed, whenever the guard is free") {
+  const auto c = stereo_case(noisy(11));
+  int erased = 0;
+  for (int at = 2;; ++at) {  // the first hold sees that it is there
+    CAPTURE(at);
+    const mapping_scene<pinhole_camera> scene(c.rig, c.recipe);
+    mapping_run<watched, sequential, turbomap::local_adjustment<watched, sequential>> run(scene, c.options);
+    run.steps(4);
+    const auto k = run.track();
+    const auto id = turbomap::map_traits<watched>::id(run.map, k);
+    int guards = 0;
+    run.map.watch.after = [&] {
+      if (++guards == at) turbomap::erase_keyframe(run.map, k);
+    };
+    CHECK_NOTHROW(run.mapper.process(k));
+    run.map.watch.after = nullptr;
+    CHECK(turbomap::validate(run.map).empty());
+    if (run.map.alive(k)) break;
+    ++erased;
+    run.mapper.remove(id);
+  }
+  CHECK(erased > 10);
+}
+
 TEST_CASE("a keyframe that is not inserted, or dead, is refused, and nothing is done") {
   stereo_run<> r;
   r.run.steps(3);

@@ -22,6 +22,7 @@ TEST_CASE("accurate: what belongs to the sensor stays") {
   for (const auto& s :
        {stereo.search.scales, stereo.creation.scales, stereo.fusion.search.scales, stereo.adjustment.scales})
     CHECK((s.scale_factor == 1.5F && s.levels == 4));
+  CHECK(stereo.fusion.commit.tolerance.scale_factor == 1.5F);
   CHECK(local_mapper_options::monocular().accurate().neighbours.neighbourhood.neighbours == 30);
   CHECK(stereo.neighbours.neighbourhood.temporal_neighbours == 10);
   const auto inertial = local_mapper_options::monocular_inertial().accurate();

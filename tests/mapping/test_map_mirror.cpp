@@ -18,6 +18,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <mutex>
 #include <new>
 #include <random>
@@ -353,6 +354,34 @@ TEST_CASE("an unreported change of a reference is seen before its keyframe goes"
     CHECK(m.check_sample(1) == 1);
     CHECK(traits::reference(m, p) == keyframe(3));
   }
+}
+
+TEST_CASE("places of keyframes that others erased are taken again after a mirror was emptied") {
+  turbomap::mirror_keyframes<flat_map> places;
+  const std::size_t none = places.size();
+  for (int round = 0; round < 3; ++round) {
+    std::vector<std::int32_t> taken;
+    for (std::int32_t i = 0; i < 5; ++i)
+      taken.push_back(places.take(turbomap::map_keyframe_id{i + 1, 1}, static_cast<std::uint64_t>(i)));
+    CHECK(places.size() == none + 5);
+    for (const std::size_t lost : {1U, 3U}) places.retire(static_cast<std::size_t>(taken[lost]));
+    const auto erased = taken[2];  // by the mapper itself
+    places.retire(static_cast<std::size_t>(erased)), places.give_back(erased);
+    places.clear();
+  }
+}
+
+TEST_CASE("what is not a number is as it was, once it was read") {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  using position = turbomap::vec3<double>;
+  CHECK(turbomap::detail::is_as_before(position{1, nan, -0.0}, position{1, nan, 0.0}));
+  CHECK_FALSE(turbomap::detail::is_as_before(position{1, nan, 0}, position{1, 2, 0}));
+  CHECK_FALSE(turbomap::detail::is_as_before(position{1, 2, 0}, position{nan, 2, 0}));
+  turbomap::rigid_transform<double> now, before;
+  now.tz = before.tz = nan;
+  CHECK(turbomap::detail::is_as_before(now, before));
+  before.qy = 0.5;
+  CHECK_FALSE(turbomap::detail::is_as_before(now, before));
 }
 
 TEST_CASE("names of nothing, and those that the mirror never gave, may be prefetched") {

@@ -6,8 +6,8 @@
 /// How the library reads and changes the user's map, whatever it is: a small struct that they specialise once.
 ///
 /// This is the interface, as code. A specialisation has static members only; they run on the host, under the guard below.
-/// Reads may be called at any time; writes are called by commits only, one after the other, and must not throw: everything
-/// that can be refused has been refused before the first one. A write changes one side only (a slot, or an observation
+/// Reads may be called at any time; writes are called by commits only, one after the other, and must not throw, but for
+/// add_point() and reserve_observations(): everything that can be refused has been refused before the first one. A write changes one side only (a slot, or an observation
 /// list): map_edit.hpp calls them in pairs and keeps the counts, so that no user has to.
 ///
 ///     template <>
@@ -74,8 +74,8 @@
 ///       static void created(my::Map&, point);                         // after the change is complete, under the guard: what
 ///       static void merged(my::Map&, point from, point into);         //    your own structures need to know of it at once
 ///       static void erased(my::Map&, point);
-///       template <class F> static void for_each_keyframe(const my::Map&, F f);            // validate() alone needs
-///       template <class F> static void for_each_point(const my::Map&, F f);               // these two
+///       template <class F> static void for_each_keyframe(const my::Map&, F f);            // for validate(), and to scale a
+///       template <class F> static void for_each_point(const my::Map&, F f);               // monocular map by its IMU
 ///     };
 ///
 /// See docs/map.md and examples/02_your_own_types.cpp.
@@ -246,6 +246,12 @@ rigid_transform<double> pose_of(const Map& map, typename map_traits<Map>::keyfra
   T_cw.qx = T.qx, T_cw.qy = T.qy, T_cw.qz = T.qz, T_cw.qw = T.qw;
   T_cw.tx = T.tx, T_cw.ty = T.ty, T_cw.tz = T.tz;
   return T_cw;
+}
+/// The position of a point in double, whatever scalar the map has; world, m.
+template <class Map>
+vec3<double> position_of(const Map& map, const typename map_traits<Map>::point& point) {
+  const auto& x = map_traits<Map>::position(map, point);
+  return {x.x, x.y, x.z};
 }
 /// Whether nothing moved a pose meanwhile: equal to the last bit.
 inline bool is_same_pose(const rigid_transform<double>& a, const rigid_transform<double>& b) {

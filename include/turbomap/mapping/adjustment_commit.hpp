@@ -50,6 +50,7 @@ inline void check(const local_adjustment_options& o) {
   check_positive("options.stereo_chi2", o.stereo_chi2);
   check_positive("options.outlier_factor", o.outlier_factor);
   require_correlation(o.stereo_correlation, "options.stereo_correlation");
+  require(o.min_shared_points >= 0, "options.min_shared_points", o.min_shared_points, "must not be negative");
   require(o.second_min_shared_points >= 0, "options.second_min_shared_points", o.second_min_shared_points,
           "must not be negative");
   require(o.most_keyframes >= 0, "options.most_keyframes", o.most_keyframes, "must not be negative");
@@ -212,7 +213,7 @@ class adjustment_commit {
   bool unmoved(const Map& map, std::size_t p) const {
     look_at_position(map, points()[p]);
     if (!traits::alive(map, points()[p])) return false;
-    const vec3<double> now = adjustment_window<Map>::position_of(map, points()[p]), &then = window_.positions()[p];
+    const vec3<double> now = position_of(map, points()[p]), &then = window_.positions()[p];
     return now.x == then.x && now.y == then.y && now.z == then.z;
   }
   double gate_of(std::size_t row, const local_adjustment_options& options) const {

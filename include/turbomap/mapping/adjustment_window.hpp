@@ -135,12 +135,6 @@ class adjustment_window {
   /// Of each observation, the keypoint index within its keyframe.
   const plain_vector<std::int32_t>& keypoint_of_row() const { return rows_keypoint_; }
 
-  /// The position of a point in double, whatever scalar the map has; world, m.
-  static vec3<double> position_of(const Map& map, point p) {
-    const auto& x = traits::position(map, p);
-    return {x.x, x.y, x.z};
-  }
-
  protected:
   /// Whether the map says that a keyframe is its frame of reference.
   static bool is_origin([[maybe_unused]] const Map& map, [[maybe_unused]] keyframe k) {

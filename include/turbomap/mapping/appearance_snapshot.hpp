@@ -115,8 +115,7 @@ class appearance_snapshot {
     if (observations_.size() == begin) return;
     if (!in_order) order_views(begin);
     points_.push_back(p);
-    const auto& position = traits::position(map, p);
-    positions_.push_back({position.x, position.y, position.z});
+    positions_.push_back(position_of(map, p));
     // A reference that does not see the point: its first observer stands in.
     references_.push_back(reference_place == id_table::none ? observations_[begin].keyframe
                                                             : static_cast<std::int32_t>(reference_place));

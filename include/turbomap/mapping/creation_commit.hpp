@@ -48,7 +48,8 @@ TURBOMAP_BEGIN_NAMESPACE
 /// \param due          those that entered with fewer observations than they were described with, appended: their
 ///                     appearance is due
 /// \throws std::invalid_argument  an index out of range, appearances that are not as many as the points; inconsistent_map
-///         where a slot contradicts the map. Everything is checked before the first point of the part is inserted
+///         where a slot contradicts the map. Everything is checked before the first point of the part is inserted. And what
+///         add_point() and reserve_observations() of the traits throw: the points before are complete then
 /// \param faults       where to note slots that contradict the map instead; their keypoints get no point
 /// \param part         the points to insert: several calls in their order do what one does with all
 /// O(points + keyframes + observations of the part).
@@ -99,7 +100,7 @@ void commit_points(Map& map, const new_points_view& points,
     look_at_slot(map, k, static_cast<std::size_t>(o.keypoint));
     require_consistent_slot(map, k, static_cast<std::size_t>(o.keypoint), faults);
   }
-  created.reserve(created.size() + part_end - part.begin), due.reserve(due.size() + part_end - part.begin);
+  make_room(created, created.size() + part_end - part.begin), make_room(due, due.size() + part_end - part.begin);
   expect_points(map, part_end - part.begin);
   const auto possible = [&](const point_observation& o) {
     const auto k = keyframes[static_cast<std::size_t>(o.keyframe)];
@@ -115,6 +116,14 @@ void commit_points(Map& map, const new_points_view& points,
     if (views < 2) continue;
     const auto reference = keyframes[static_cast<std::size_t>(points.observations[first].keyframe)];
     const auto point = traits::add_point(map, points.positions[i], reference);
+    if constexpr (detail::map_has_v<Map, detail::map_reserve_member>) {
+      try {
+        traits::reserve_observations(map, point, views);
+      } catch (...) {  // without a view it is no point
+        traits::retire(map, point, {});
+        throw;
+      }
+    }
     if (!appearances.empty()) {
       const point_appearance& a = appearances.points[i];
       traits::set_appearance(map, point, a.normal, a.min_distance, a.max_distance, appearances.descriptor(i));

@@ -168,8 +168,7 @@ class duplicate_snapshot {
     if (!add_descriptor(map, p)) return faults({map_fault::no_descriptor, 0, traits::id(map, p), 0});
     taken_in_[number] = static_cast<std::int32_t>(points_.size());
     points_.push_back(p);
-    const auto& position = traits::position(map, p);
-    positions_.push_back({position.x, position.y, position.z});
+    positions_.push_back(position_of(map, p));
     normals_.push_back(traits::normal(map, p));
     min_distances_.push_back(traits::min_distance(map, p));
     max_distances_.push_back(traits::max_distance(map, p));

@@ -15,6 +15,7 @@
 #include "../map/map_fault.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/validate.hpp"
+#include "../plain_vector.hpp"
 #include "look_again.hpp"
 
 namespace turbomap {
@@ -53,7 +54,7 @@ class erasure_in_parts {
   /// Takes away observations of its next points, `most` at most. The last part looks at all keypoints: what others added behind it
   /// goes too. The caller holds the guard, and has looked whether the keyframe is alive. One that is refused has ended.
   /// \param touched  a list: points that lost a view are appended, some twice
-  /// \throws inconsistent_map  in place of `refused`, as fault_sink says
+  /// \throws inconsistent_map  in place of `refused`, as fault_sink says: it has ended then too
   template <class List>
   erasure_part operator()(Map& map, std::size_t most, int fewest, List& touched, fault_sink faults) {
     look_at_slots(map, keyframe_);  // all: other keypoints may see the same points by now
@@ -64,10 +65,13 @@ class erasure_in_parts {
     const bool last = end == keypoints;
     const std::size_t begin = last ? 0 : next_;
     look_at_points(map, keyframe_, fewest, begin, end);
-    active_ = false;
-    if (!require_removable(map, keyframe_, fewest, faults, begin, end)) return erasure_part::refused;
-    active_ = true;
-    touched.reserve(touched.size() + (end - begin));
+    try {
+      if (!require_removable(map, keyframe_, fewest, faults, begin, end)) return active_ = false, erasure_part::refused;
+    } catch (const inconsistent_map&) {
+      active_ = false;
+      throw;
+    }
+    make_room(touched, touched.size() + (end - begin));
     fade_keypoints(map, keyframe_, begin, end, fewest, &touched);
     next_ = end;
     return last ? erasure_part::last : erasure_part::some;

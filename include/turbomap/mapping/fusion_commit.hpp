@@ -77,6 +77,7 @@ class fusion_commit {
   /// \throws std::invalid_argument  an index out of range; inconsistent_map when a slot or point that an entry concerns
   ///         contradicts the map. Everything is checked, and our memory taken, before the first change: the map is then
   ///         as it was. When a write of the traits finds no memory, the entries before are applied, and none is half done
+  ///         (a merge: where the traits have reserve_observations())
   /// \param faults  where to note contradictions instead; the entries that they concern are left out (refused)
   /// O(entries x views^2).
   template <class Distance>
@@ -91,8 +92,7 @@ class fusion_commit {
             "must be at least 1");
     actions_.assign(plan.size(), fusion_action::none);
     check(map, plan, targets, points, faults);
-    const std::size_t before = touched_.size();
-    touched_.reserve(before + 2 * plan.size());
+    make_room(touched_, touched_.size() + plan.size());  // an entry touches one point at most
     fusion_summary summary;
     for (std::size_t i = 0; i < plan.size(); ++i) {
       const auto& entry = plan[i];
@@ -161,7 +161,7 @@ class fusion_commit {
         actions_[i] = fusion_action::refused;
     });
     scratch_.reserve(views + plan.size());  // each entry may add a view
-    survivors_.reserve(survivors_.size() + plan.size());
+    make_room(survivors_, survivors_.size() + plan.size());
   }
   /// Whether slot and points of an entry agree with the map. \param views  of the points, added up
   bool check_entry(const Map& map, keyframe k, std::size_t keypoint, point candidate, std::size_t& views,

@@ -44,7 +44,7 @@ struct fusion_options {
 
 /// The counts of one or more commits.
 struct fusion_summary {
-  std::size_t entries = 0;             ///< duplicates that were found
+  std::size_t entries = 0;             ///< duplicates that were found, but for those that contradict the map
   std::size_t observations_added = 0;  ///< their keypoint had no point
   std::size_t merged = 0;              ///< their keypoint had another point: one is left of the two
   std::size_t stale = 0;               ///< point or keyframe had left the map

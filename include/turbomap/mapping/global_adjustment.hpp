@@ -88,7 +88,7 @@ class global_adjustment : private local_adjustment<Map, Policy, Methods> {
           this->window_.choose_connected(s, anyone);
         },
         [&] { this->window_.resume(s); }, [&](std::size_t most) { return this->window_.read_connected(s, most); });
-    this->count(summary);
+    count_window(this->window_, summary);
   }
   /// That of the second. Keyframes that are dead, or not in the store, are passed over; none: stale.
   void snapshot(const scope& s, span<const keyframe> keyframes, const global_adjustment_options& options,
@@ -102,7 +102,7 @@ class global_adjustment : private local_adjustment<Map, Policy, Methods> {
           if (this->window_.frames().size() == 0) this->begin(summary, true);
         },
         [&] { this->window_.resume(s); }, [&](std::size_t most) { return this->window_.read(s, most); });
-    this->count(summary);
+    count_window(this->window_, summary);
   }
 
  private:

@@ -26,7 +26,7 @@ class handle_table {
     for (std::size_t i = entries_.size() - 1; i > at; --i) entries_[i] = entries_[i - 1];
     entries_[at] = {id, handle};
   }
-  /// False, and nothing in `handle`, when the keyframe is not in the store.
+  /// False, and `handle` is unchanged, when the keyframe is not in the store.
   bool find(std::uint64_t id, keyframe_handle& handle) const {
     const std::size_t at = place(id);
     if (!is_at(at, id)) return false;

@@ -9,6 +9,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
 
 #include "../adjustment/levenberg_marquardt.hpp"
 #include "../adjustment/pose_information.hpp"
@@ -35,12 +36,14 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// Throws std::invalid_argument naming the option that is out of range.
 inline void check(const inertial_adjustment_options& o) {
-  for (const inertial_window_options* w : {&o.window, &o.large}) {
-    require(w->keyframes >= 1, "options.keyframes", w->keyframes, "must be positive");
-    require(w->iterations >= 1, "options.iterations", w->iterations, "must be positive");
-    check_not_negative("options.initial_lambda", w->initial_lambda);
-    check_positive("options.robust_chi2", w->robust_chi2);
-  }
+  const auto check_window = [](const std::string& name, const inertial_window_options& w) {
+    const auto of = [&](const char* member) { return name + member; };
+    require(w.keyframes >= 1, of("keyframes").c_str(), w.keyframes, "must be positive");
+    require(w.iterations >= 1, of("iterations").c_str(), w.iterations, "must be positive");
+    check_not_negative(of("initial_lambda").c_str(), w.initial_lambda);
+    check_positive(of("robust_chi2").c_str(), w.robust_chi2);
+  };
+  check_window("options.window.", o.window), check_window("options.large.", o.large);
   require(o.most_observers >= 0, "options.most_observers", o.most_observers, "must not be negative");
   require(o.fewest_edges >= 0, "options.fewest_edges", o.fewest_edges, "must not be negative");
   require(o.near_depth >= 0, "options.near_depth", o.near_depth, "must not be negative");
@@ -112,18 +115,13 @@ class inertial_adjustment {
                },
                [&](std::size_t most) { return summary.inertial && !summary.stale && window_.read(s, most); });
     if (!summary.inertial || summary.stale) return;
-    for (const auto fixed : window_.fixed()) ++(fixed != 0 ? summary.fixed_keyframes : summary.free_keyframes);
+    count_window(window_, summary);
     summary.inertial_edges = window_.joined();
-    summary.points = window_.points().size();
-    summary.observations = window_.row_count();
   }
 
   /// Adjusts it. \return whether there is something to write
   bool compute(const scope& s, const local_adjustment_options& options, local_adjustment_summary& summary) {
-    if (summary.free_keyframes == 0 || summary.observations == 0) {
-      summary.solve.end = summary.observations == 0 ? adjustment_end::no_observations : adjustment_end::nothing_free;
-      return false;
-    }
+    if (!has_work(summary)) return false;
     measurements_.gather(s, window_, options.scales);
     problem_.assign(s.ctx, {window_.states(), window_.fixed(), window_.held()}, {window_.positions(), {}},
                     measurements_.rows(window_, options), window_.edges().plain(factor_),

@@ -172,10 +172,6 @@ class inertial_initialisation {
     }
     for (const auto& p : points) scale_point(map, p, scale);
   }
-  static vec3<double> position_of(const Map& map, const typename traits::point& p) {
-    const auto& x = traits::position(map, p);
-    return {x.x, x.y, x.z};
-  }
   static void scale_point(Map& map, const typename traits::point& p, double scale) {
     const auto s = static_cast<float>(scale);
     const vec3<double> x = position_of(map, p);

@@ -48,8 +48,11 @@ class keyframe_culling {
     const auto in_store = [&](keyframe k) {
       return traits::alive(s.map, k) && s.stored.contains(traits::id(s.map, k));
     };
-    candidates_ = neighbourhood_.covisible_keyframes(s.map, current, options, in_store,
-                                                     most > 0 ? static_cast<std::size_t>(most) : no_limit);
+    candidates_.clear();
+    look_again(s.map, current);
+    if (traits::alive(s.map, current))  // else erased meanwhile
+      candidates_ = neighbourhood_.covisible_keyframes(s.map, current, options, in_store,
+                                                       most > 0 ? static_cast<std::size_t>(most) : no_limit);
     if (!parts_.active()) return candidates_;
     look_again(s.map, parts_.of());
     if (!s.stored.contains(parts_.id()) || !traits::alive(s.map, parts_.of()))
@@ -79,7 +82,7 @@ class keyframe_culling {
         [&] {
           goes = again ? !is_kept(s, current, candidate, options) : is_to_go(s, current, candidate, options, id);
           if (!goes) return;
-          touched_.reserve(touched_.size() + keypoint_count_of(s.map, candidate));
+          make_room(touched_, touched_.size() + keypoint_count_of(s.map, candidate));
           erasing(candidate);
         },
         [&] { goes = !is_kept(s, current, candidate, options); },

@@ -22,6 +22,20 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// Counts what is in a window.
+template <class Window>
+void count_window(const Window& window, local_adjustment_summary& summary) {
+  for (const auto fixed : window.fixed()) ++(fixed != 0 ? summary.fixed_keyframes : summary.free_keyframes);
+  summary.points = window.points().size();
+  summary.observations = window.row_count();
+}
+/// Whether there is something to adjust in a window that was counted; if not, `solve.end` says why.
+inline bool has_work(local_adjustment_summary& summary) {
+  if (summary.free_keyframes != 0 && summary.observations != 0) return true;
+  summary.solve.end = summary.observations == 0 ? adjustment_end::no_observations : adjustment_end::nothing_free;
+  return false;
+}
+
 /// adjust() on a user's map. Of one context. Huber kernels, information by octave; cameras are those of the keyframes in the
 /// store. Observations beyond their gate, or behind their pinhole camera, are taken out of the map.
 /// \tparam Methods  the solvers and precisions that the options may ask for: see adjust()
@@ -80,15 +94,12 @@ class local_adjustment {
                          options.most_keyframes);
         },
         [&] { window_.resume(s); }, [&](std::size_t most) { return window_.read(s, most); });
-    count(summary);
+    count_window(window_, summary);
   }
 
   /// Adjusts it. \return whether there is something to write
   bool compute(const scope& s, const local_adjustment_options& options, local_adjustment_summary& summary) {
-    if (summary.free_keyframes == 0 || summary.observations == 0) {
-      summary.solve.end = summary.observations == 0 ? adjustment_end::no_observations : adjustment_end::nothing_free;
-      return false;
-    }
+    if (!has_work(summary)) return false;
     measurements_.gather(s, window_, options.scales);
     const auto rows = measurements_.rows(window_, options);
     problem_.assign(s.ctx, {window_.frames().T_cw(), window_.fixed()}, {window_.positions(), {}}, rows);
@@ -121,12 +132,6 @@ class local_adjustment {
     if (!stale) return;
     summary.solve.end = adjustment_end::no_observations;
     window_.clear();
-  }
-  /// Counts what is in the window.
-  void count(local_adjustment_summary& summary) const {
-    for (const auto fixed : window_.fixed()) ++(fixed != 0 ? summary.fixed_keyframes : summary.free_keyframes);
-    summary.points = window_.points().size();
-    summary.observations = window_.row_count();
   }
 
   adjustment_window<Map> window_;  ///< what is adjusted

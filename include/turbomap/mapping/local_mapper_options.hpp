@@ -56,6 +56,7 @@ struct local_mapper_options {
   /// The pyramid of every stage.
   void set_scales(const pyramid& scales) {
     search.scales = creation.scales = fusion.search.scales = adjustment.scales = scales;
+    fusion.commit.tolerance.scale_factor = scales.scale_factor;
   }
 
   /// Stereo: a pair or rig of baseline (m); only points nearer than max_depth (m; usually 35 to 40 baselines) make a keyframe

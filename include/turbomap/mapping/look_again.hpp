@@ -142,8 +142,7 @@ void read_positions(const Map& map, const Points& points, Positions& positions) 
   for (std::size_t i = 0; i < points.size(); ++i) {
     look_at_position(map, points[i]);
     if (!map_traits<Map>::alive(map, points[i]) || !has_finite_position(map, points[i])) continue;
-    const auto& x = map_traits<Map>::position(map, points[i]);
-    positions[i] = {x.x, x.y, x.z};
+    positions[i] = position_of(map, points[i]);
   }
 }
 

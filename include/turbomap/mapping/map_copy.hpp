@@ -14,12 +14,30 @@
 #include "../config.hpp"
 #include "../map/map_edit.hpp"
 #include "../map/map_traits.hpp"
+#include "../math/functions.hpp"
 #include "../plain_vector.hpp"
 #include "../types.hpp"
 #include "mirror_objects.hpp"
 #include "prefetch_named.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+
+/// Whether a number is the one that was read before. What is not a number is as it was: a map may keep it for ever.
+inline bool is_as_before(double now, double before) { return now == before || (is_nan(now) && is_nan(before)); }
+/// The same of a position.
+inline bool is_as_before(const vec3<double>& now, const vec3<double>& before) {
+  return is_as_before(now.x, before.x) && is_as_before(now.y, before.y) && is_as_before(now.z, before.z);
+}
+/// The same of a pose.
+inline bool is_as_before(const rigid_transform<double>& now, const rigid_transform<double>& before) {
+  return is_as_before(now.qx, before.qx) && is_as_before(now.qy, before.qy) && is_as_before(now.qz, before.qz) &&
+         is_as_before(now.qw, before.qw) && is_as_before(now.tx, before.tx) && is_as_before(now.ty, before.ty) &&
+         is_as_before(now.tz, before.tz);
+}
+
+}  // namespace detail
 
 /// A map, and what was read of it. A place that a member is given is one that was taken (not checked).
 template <class Map>
@@ -99,7 +117,7 @@ class map_copy : public mirror_objects<Map> {
   bool read_pose(std::size_t k, const user_keyframe& name) {
     const auto T = pose_of(map(), name);
     auto& old = keyframes[k].T_cw;
-    const bool same = is_same_pose(T, old);
+    const bool same = detail::is_as_before(T, old);
     old = T;
     keyframes[k].pose_read = 1;
     return !same;
@@ -181,10 +199,7 @@ class map_copy : public mirror_objects<Map> {
     entry[p].read = 1;
   }
   /// The position alone.
-  void read_position(std::size_t p, const user_point& name) {
-    const auto& x = user_traits::position(map(), name);
-    points.positions[p] = {x.x, x.y, x.z};
-  }
+  void read_position(std::size_t p, const user_point& name) { points.positions[p] = position_of(map(), name); }
   /// The observations alone.
   void read_list(std::size_t p, const user_point& name) {
     const std::uint8_t read = points.entries[p].read;

@@ -63,6 +63,7 @@ class mirror_keyframes {
   /// A place for a keyframe of which nothing is read yet. Throws std::bad_alloc, unchanged.
   std::int32_t take(const user_keyframe& name, std::uint64_t id) {
     if (entries_.capacity() == entries_.size()) entries_.reserve(2 * entries_.size() + 16);
+    make_room(lost_, entries_.size() + 1);  // for retire()
     numbers_.make_room();
     const std::int32_t k = places_.take();  // the last step that may throw
     if (static_cast<std::size_t>(k) == entries_.size()) entries_.emplace_back();
@@ -72,7 +73,8 @@ class mirror_keyframes {
     if (!(name == user_keyframe{})) numbers_.set(id, k);
     return k;
   }
-  /// What has the place is no longer alive; its name stays until drop_names().
+  /// What has the place is no longer alive; its name stays until drop_names(). The place stays taken till give_back(), or clear():
+  /// lists that are to be read anew name it yet.
   void retire(std::size_t place) {
     auto& lost = entries_[place];
     numbers_.erase(lost.id, static_cast<std::int32_t>(place));
@@ -80,9 +82,13 @@ class mirror_keyframes {
     free_lists(lost);
     lost.has_keypoints = true;  // none
     lost.read = 0;
+    lost_.push_back(static_cast<std::int32_t>(place));
   }
-  /// The place may be taken again.
-  void give_back(std::int32_t place) { places_.give_back(place); }
+  /// The place that was retired last may be taken again.
+  void give_back(std::int32_t place) {
+    lost_.pop_back();
+    places_.give_back(place);
+  }
   /// Names of what is no longer alive are let go.
   void drop_names() {
     for (std::size_t k = 1; k < entries_.size(); ++k)
@@ -97,6 +103,8 @@ class mirror_keyframes {
       free_lists(entries_[k]);
       places_.give_back(static_cast<std::int32_t>(k));
     }
+    for (const std::int32_t k : lost_) places_.give_back(k);
+    lost_.clear();
   }
 
  private:
@@ -108,6 +116,7 @@ class mirror_keyframes {
   plain_detail::place_list places_;
   id_numbers numbers_;
   std::vector<entry> entries_;
+  plain_vector<std::int32_t> lost_;  ///< places that were retired and not given back
 };
 
 TURBOMAP_END_NAMESPACE

@@ -25,9 +25,7 @@ bool is_current(map_copy<Map>& copy, std::size_t p) {
   const auto& points = copy.points;
   const auto& name = points.names[p];
   if (!user::alive(copy.map(), name)) return false;
-  const auto& x = user::position(copy.map(), name);
-  const vec3<double> now{x.x, x.y, x.z}, &then = points.positions[p];
-  if (!(now.x == then.x && now.y == then.y && now.z == then.z)) return false;
+  if (!detail::is_as_before(position_of(copy.map(), name), points.positions[p])) return false;
   const typename user::keyframe reference = user::reference(copy.map(), name);
   const auto known = points.entries[p].reference;
   if (!(copy.name(known) == reference || known == copy.number(reference))) return false;

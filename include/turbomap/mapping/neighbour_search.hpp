@@ -125,9 +125,7 @@ class neighbour_search {
     points_.clear();
     for (std::size_t i = 0; i < keypoint_count_of(map, n); ++i) {
       const point p = traits::point_at(map, n, i);
-      if (p == point{}) continue;
-      const auto& x = traits::position(map, p);
-      points_.push_back({x.x, x.y, x.z});
+      if (!(p == point{})) points_.push_back(position_of(map, p));
     }
     return baseline_suffices_monocular(T_query, T_n, median_depth(T_n, points_, depths_), options.baseline_rule);
   }

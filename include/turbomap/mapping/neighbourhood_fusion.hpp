@@ -11,9 +11,11 @@
 
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../map/map_traits.hpp"
 #include "../map/neighbourhood.hpp"
 #include "../plain_vector.hpp"
 #include "duplicate_fusion.hpp"
+#include "look_again.hpp"
 #include "mapping_progress.hpp"
 #include "stage.hpp"
 
@@ -35,7 +37,10 @@ class neighbourhood_fusion {
                              mapping_progress& progress) {
     {
       const auto guard = s.guard();
-      targets_ = neighbourhood_.targets(s.map, current, options, [&](const keyframe& k) { return s.can_use(k); });
+      targets_.clear();
+      look_again(s.map, current);
+      if (map_traits<Map>::alive(s.map, current))  // else erased meanwhile
+        targets_ = neighbourhood_.targets(s.map, current, options, [&](const keyframe& k) { return s.can_use(k); });
     }
     const std::size_t fitting = progress.fitting(mapping_piece::fuse_target, targets_.size());
     if (fitting < targets_.size()) progress.cut(mapping_piece::fuse_target);

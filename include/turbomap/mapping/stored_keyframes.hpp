@@ -55,7 +55,7 @@ class stored_keyframes {
 
   /// Throws std::invalid_argument unless a keyframe is in the map and in the store. The caller holds the guard. \return its id
   std::uint64_t require_stored(const keyframe& k) const {
-    require(traits::alive(map_, k), "keyframe", "dead", "is not in the map, or no longer");
+    require_alive(k);
     const std::uint64_t id = traits::id(map_, k);
     handles_.at(id);  // throws when it is not there
     return id;
@@ -67,11 +67,15 @@ class stored_keyframes {
   const handle_table& handles() const { return handles_; }
 
  private:
+  /// The caller holds the guard.
+  void require_alive(const keyframe& k) const {
+    require(!(k == keyframe{}), "keyframe", "none", "is not a keyframe of the map");
+    require(traits::alive(map_, k), "keyframe", "dead", "is not in the map, or no longer");
+  }
   /// Takes the guard. \throws std::invalid_argument  the keyframe is none, not in the map, or cannot be used there
   std::uint64_t checked_id(const keyframe& k, std::size_t keypoints) const {
-    require(!(k == keyframe{}), "keyframe", "none", "is not a keyframe of the map");
     [[maybe_unused]] const auto guard = map_guard(map_);
-    require(traits::alive(map_, k), "keyframe", "dead", "is not in the map, or no longer");
+    require_alive(k);
     check_pose("keyframe", pose_of(map_, k));
     require(keypoints == keypoint_count_of(map_, k), "keypoint_count", keypoints,
             "is not that of the keyframe in the map");

@@ -71,10 +71,6 @@ class window_measurements {
     return rows;
   }
 
-  /// Of each row: u, v, u_right, px; negative u_right: none.
-  span<const vec3<double>> pixel() const { return pixel_; }
-  /// Of each row: index into cameras().
-  span<const std::uint8_t> camera_of_row() const { return camera_; }
   /// The cameras of all rigs in the window.
   rig_view<camera> cameras() const { return {cameras_.data(), static_cast<int>(cameras_.size())}; }
   /// Whether a row has a u_right that its camera can use.
