@@ -188,11 +188,12 @@ class local_mapper {
     return summary;
   }
 
-  /// Looks for duplicates between a keyframe's points and those of its neighbourhood, both ways, as the stage `fusion` does: after
-  /// poses were corrected, so that points on the two sides of a loop are found to be one [ORB-SLAM3]. The neighbourhood is that of
-  /// covisible keyframes: some points must have been merged already for the two sides to be it (docs/adjustment.md). For the thread that
-  /// calls process(), between two calls. No deadline holds. Appearances follow; fused, held, ms (by the appearances), refused
-  /// and points_updated of the last report() grow. After an exception the map is sound, and report().fused has what was done before it.
+  /// Looks for duplicates between a keyframe's points and those of its neighbourhood, both ways, as the stage `fusion` does:
+  /// after poses were corrected, so that points on the two sides of a loop are found to be one [ORB-SLAM3]. The
+  /// neighbourhood is that of covisible keyframes: some points must have been merged already for the two sides to be it
+  /// (docs/adjustment.md). For the thread that calls process(), between two calls. No deadline holds. Appearances follow;
+  /// fused, held, ms (by the appearances), refused and points_updated of the last report() grow. After an exception the map
+  /// is sound, and report().fused has what was done before it.
   /// \throws std::invalid_argument  as process()
   fusion_summary fuse_around(const keyframe& k) {
     require_idle("fuse_around");

@@ -45,8 +45,8 @@ inline isometry<double> rigid_alignment(span<const vec3<double>> from, span<cons
 }
 
 /// Root mean square distance (m) of `estimate` to `truth` after the rigid transform, or (`with_scale`) the similarity, that
-/// brings them nearest (Umeyama, 1991). NaN for fewer than three positions, and with scale where all of the estimate are one. Throws std::invalid_argument unless both have the
-/// same length.
+/// brings them nearest (Umeyama, 1991). NaN for fewer than three positions, and with scale where all of the estimate are
+/// one. Throws std::invalid_argument unless both have the same length.
 inline double absolute_trajectory_error(span<const vec3<double>> estimate, span<const vec3<double>> truth,
                                         bool with_scale = false) {
   require(estimate.size() == truth.size(), "truth", truth.size(), "must be as many positions as the estimate");

@@ -7,8 +7,9 @@
 ///
 /// This is the interface, as code. A specialisation has static members only; they run on the host, under the guard below.
 /// Reads may be called at any time; writes are called by commits only, one after the other, and must not throw, but for
-/// add_point() and reserve_observations(): everything that can be refused has been refused before the first one. A write changes one side only (a slot, or an observation
-/// list): map_edit.hpp calls them in pairs and keeps the counts, so that no user has to.
+/// add_point() and reserve_observations(): everything that can be refused has been refused before the first one. A write
+/// changes one side only (a slot, or an observation list): map_edit.hpp calls them in pairs and keeps the counts, so that no
+/// user has to.
 ///
 ///     template <>
 ///     struct turbomap::map_traits<my::Map> {
@@ -270,8 +271,8 @@ auto map_guard([[maybe_unused]] Map& map) {
 /// `static_assert(turbomap::guarded_v<my::Map>);`.
 template <class Map>
 inline constexpr bool guarded_v = detail::map_has_v<Map, detail::map_guard_member>;
-/// Whether map_traits<Map> can move keyframes and points: without set_pose() and set_position() the stage `adjustment` is off. A system
-/// that is to be adjusted says so once: `static_assert(turbomap::adjustable_v<my::Map>);`.
+/// Whether map_traits<Map> can move keyframes and points: without set_pose() and set_position() the stage `adjustment` is
+/// off. A system that is to be adjusted says so once: `static_assert(turbomap::adjustable_v<my::Map>);`.
 template <class Map>
 inline constexpr bool adjustable_v = detail::map_has_v<Map, detail::map_adjust_member>;
 

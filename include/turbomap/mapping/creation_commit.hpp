@@ -120,7 +120,7 @@ void commit_points(Map& map, const new_points_view& points,
       try {
         traits::reserve_observations(map, point, views);
       } catch (...) {  // without a view it is no point
-        traits::retire(map, point, {});
+        traits::retire(map, point, typename traits::point{});
         throw;
       }
     }

@@ -66,11 +66,12 @@ class erasure_in_parts {
     const std::size_t begin = last ? 0 : next_;
     look_at_points(map, keyframe_, fewest, begin, end);
     try {
-      if (!require_removable(map, keyframe_, fewest, faults, begin, end)) return active_ = false, erasure_part::refused;
+      active_ = require_removable(map, keyframe_, fewest, faults, begin, end);
     } catch (const inconsistent_map&) {
       active_ = false;
       throw;
     }
+    if (!active_) return erasure_part::refused;
     make_room(touched, touched.size() + (end - begin));
     fade_keypoints(map, keyframe_, begin, end, fewest, &touched);
     next_ = end;

@@ -9,7 +9,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <string>
 
 #include "../adjustment/levenberg_marquardt.hpp"
 #include "../adjustment/pose_information.hpp"
@@ -36,14 +35,16 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// Throws std::invalid_argument naming the option that is out of range.
 inline void check(const inertial_adjustment_options& o) {
-  const auto check_window = [](const std::string& name, const inertial_window_options& w) {
-    const auto of = [&](const char* member) { return name + member; };
-    require(w.keyframes >= 1, of("keyframes").c_str(), w.keyframes, "must be positive");
-    require(w.iterations >= 1, of("iterations").c_str(), w.iterations, "must be positive");
-    check_not_negative(of("initial_lambda").c_str(), w.initial_lambda);
-    check_positive(of("robust_chi2").c_str(), w.robust_chi2);
+  // Names are made only where something is wrong.
+  const auto check_window = [](const argument_name& name, const inertial_window_options& w) {
+    if (!(w.keyframes >= 1)) reject(name + ".keyframes", w.keyframes, "must be positive");
+    if (!(w.iterations >= 1)) reject(name + ".iterations", w.iterations, "must be positive");
+    if (!(w.initial_lambda >= 0 && detail::is_finite(w.initial_lambda)))
+      reject(name + ".initial_lambda", w.initial_lambda, "must be finite and not negative");
+    if (!(w.robust_chi2 > 0 && detail::is_finite(w.robust_chi2)))
+      reject(name + ".robust_chi2", w.robust_chi2, "must be finite and positive");
   };
-  check_window("options.window.", o.window), check_window("options.large.", o.large);
+  check_window("options.window", o.window), check_window("options.large", o.large);
   require(o.most_observers >= 0, "options.most_observers", o.most_observers, "must not be negative");
   require(o.fewest_edges >= 0, "options.fewest_edges", o.fewest_edges, "must not be negative");
   require(o.near_depth >= 0, "options.near_depth", o.near_depth, "must not be negative");

@@ -19,9 +19,9 @@
 
 namespace turbomap {
 
-/// Options of local_mapper: begin with stereo(), monocular() or one of those for an inertial unit. What they leave as it is, and what a
-/// plain local_mapper_options{} is, are the values of [ORB-SLAM3] for stereo; that has no stereo_baseline, so that neighbours are chosen
-/// as for one camera.
+/// Options of local_mapper: begin with stereo(), monocular() or one of those for an inertial unit. What they leave as it is,
+/// and what a plain local_mapper_options{} is, are the values of [ORB-SLAM3] for stereo; that has no stereo_baseline, so that
+/// neighbours are chosen as for one camera.
 struct local_mapper_options {
   per_stage<bool> enabled{{true, true, true, true, true, true, true}};  ///< for ablation
   /// Of all points that are mirrored (working_map.hpp): how many are compared with the map on each keyframe, so that what
