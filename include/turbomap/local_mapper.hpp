@@ -58,8 +58,7 @@ class local_mapper {
   using stage_map = typename working_map<Map>::type;
   using scope = mapping_scope<stage_map, Policy>;  ///< what a stage works on.
 
-  /// Refers to context, map and store. Throws std::invalid_argument naming an option that makes no sense, as a pyramid with fewer
-  /// levels than the store's, whose keypoints would be of octaves that stages do not know.
+  /// Refers to context, map and store. Throws std::invalid_argument naming an option that makes no sense.
   local_mapper(context<Policy>& ctx, Map& map, store_type& store, const local_mapper_options& options = {},
                hooks_type hooks = {})
       : ctx_(ctx),
@@ -75,9 +74,6 @@ class local_mapper {
         due_(ctx) {
     static_assert(require_map_traits<Map>());
     check(options);
-    require(options.search.scales.levels >= store.options().packing.pyramid.levels, "options.search.scales.levels",
-            options.search.scales.levels,
-            "must not be less than those of the store (keyframe_store_options::packing.pyramid)");
   }
 
   /// Takes the immutable part of a keyframe into the store: from keyframe_data, or from the user's own type through

@@ -956,7 +956,6 @@ TEST_CASE("bad options are refused when the mapper is made") {
   refuses([](auto& o) { o.checked_share = -0.01; });
   refuses([](auto& o) { o.checked_share = nan; });
   refuses([](auto& o) { o.extra_rounds = -1; });
-  refuses([](auto& o) { o.set_scales({1.2F, 7}); });  // the store takes keypoints of eight octaves
 }
 
 TEST_CASE("keyframes of the map that are not in the store are left out") {

@@ -18,7 +18,7 @@
 #include "fit_track.hpp"
 #include "known_landmark.hpp"
 #include "lookalike.hpp"
-#include "track_creation_view.hpp"
+#include "place_views.hpp"
 #include "track_views.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE

@@ -12,7 +12,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../store/keypoint_window.hpp"
-#include "track_creation_view.hpp"
+#include "place_views.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 

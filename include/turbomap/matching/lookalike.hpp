@@ -13,7 +13,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "epipolar.hpp"
-#include "track_creation_view.hpp"
+#include "place_views.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 

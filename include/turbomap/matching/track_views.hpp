@@ -9,7 +9,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "creation_plan.hpp"
-#include "track_creation_view.hpp"
+#include "place_views.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 
