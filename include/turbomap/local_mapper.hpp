@@ -176,9 +176,7 @@ class local_mapper {
     local_adjustment_summary summary;
     noted([&] { adjustment(s, k, options, summary); },
           [&] {
-            if (!adjustment.wrote()) return;
-            due_.moved(adjustment.points());
-            due_.changed(adjustment.points_that_lost_views());
+            if (adjustment.wrote()) note_adjusted(adjustment);
           });
     update_due(mapping_stage::adjustment);
     return summary;
@@ -414,11 +412,16 @@ class local_mapper {
       noted(work, [&] {
         report_.adjustment.outliers += outliers;
         report_.adjustment.points_erased += points_erased;
-        if (!ended && !adjustment_.wrote()) return;
-        due_.moved(adjustment_.points());
-        due_.changed(adjustment_.points_that_lost_views());
+        if (ended || adjustment_.wrote()) note_adjusted(adjustment_);
       });
     }
+  }
+
+  /// Its points have moved, and lost outliers.
+  template <class Adjusted>
+  void note_adjusted(const Adjusted& adjusted) {
+    due_.moved(adjusted.points());
+    due_.changed(adjusted.points_that_lost_views());
   }
 
   /// Adjustment has moved the keyframe: links that its pose hid are found now, and move it on. A round for which no time is

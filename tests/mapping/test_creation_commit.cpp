@@ -15,6 +15,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <new>
 #include <random>
 #include <set>
 #include <stdexcept>
@@ -24,6 +25,23 @@
 #include "scenes/lying_map.hpp"
 #include "scenes/map_scene.hpp"
 #include "scenes/pointer_map.hpp"
+
+namespace turbomap_test {
+
+/// There is no memory for the observations of one of the points.
+struct crowded_map : flat_map {
+  int reserves_left = 0;
+};
+
+}  // namespace turbomap_test
+
+template <>
+struct turbomap::map_traits<turbomap_test::crowded_map> : turbomap::map_traits<turbomap_test::flat_map> {
+  static void reserve_observations(turbomap_test::crowded_map& m, point p, std::size_t more) {
+    if (m.reserves_left-- <= 0) throw std::bad_alloc();
+    turbomap::map_traits<turbomap_test::flat_map>::reserve_observations(m, p, more);
+  }
+};
 
 namespace {
 
@@ -71,6 +89,17 @@ TEST_CASE_TEMPLATE("an accepted point is seen by both, and is of the query", Map
   CHECK(c.created.size() == 2);  // appended
   c.run({});
   CHECK(c.created.size() == 2);
+}
+
+TEST_CASE("a point for whose observations there is no memory is not in the map, those before it are") {
+  creation<crowded_map> c;
+  c.map.reserves_left = 1;
+  CHECK_THROWS_AS(c.run({c.entry(0, 1, 2), c.entry(1, 0, 3)}), std::bad_alloc);
+  REQUIRE(c.created.size() == 1);
+  CHECK(c.map.point_count() == 1);
+  CHECK(c.map.observations(c.created[0]).size() == 2);
+  CHECK(c.at(c.query, 0) == turbomap::map_point_id{});
+  CHECK(turbomap::validate(c.map).empty());
 }
 
 TEST_CASE_TEMPLATE("points enter the map with their appearance", Map, flat_map, pointer_map) {

@@ -24,6 +24,7 @@
 #include "local_mapper_cases.hpp"
 #include "scenes/described_map.hpp"
 #include "scenes/lying_map.hpp"
+#include "scenes/mirrored_map.hpp"
 #include "scenes/watched_map.hpp"
 #include "support/counted_new.hpp"
 #include "support/environment.hpp"
@@ -361,6 +362,43 @@ TEST_CASE("a hook adjusts in place of the mapper's own stage") {
   run.steps(3);
   CHECK(called == 3);
   CHECK(run.mapper.report().adjustment.observations == 0);
+}
+
+TEST_CASE("a hook that moves keyframes of a mirrored map, and throws: poses are read anew") {
+  using map_type = mirrored_map<flat_map>;
+  using traits = turbomap::map_traits<map_type>;
+  const auto normals = [](bool throws) {
+    turbomap::local_mapper_hooks<map_type> hooks;
+    bool armed = false;
+    hooks.adjust = [&](map_type& map, turbomap::map_keyframe_id, double) {
+      if (!armed) return;
+      traits::for_each_keyframe(map, [&](turbomap::map_keyframe_id k) {
+        auto T = turbomap::pose_of(map, k);
+        T.tx += 1 + static_cast<double>(traits::id(map, k));
+        traits::set_pose(map, k, T);
+      });
+      if (throws) throw std::runtime_error("the hook's");
+    };
+    auto options = stereo_case().options;
+    options.checked_share = 0;  // nothing but what is said is read anew
+    options.enabled[mapping_stage::keyframe_culling] = false;
+    stereo_run<map_type> r(options, hooks);
+    r.run.steps(3);
+    armed = true;
+    if (throws)
+      CHECK_THROWS_AS(r.run.step(), std::runtime_error);
+    else
+      r.run.step();
+    std::vector<turbomap::map_point_id> points;
+    traits::for_each_point(r.run.map, [&](turbomap::map_point_id p) { points.push_back(p); });
+    r.run.mapper.update_geometry(points);
+    std::vector<float> result;
+    for (const auto p : points) result.push_back(traits::normal(r.run.map, p).x);
+    return result;
+  };
+  const auto expected = normals(false);
+  CHECK(expected.size() > 50);
+  CHECK(normals(true) == expected);
 }
 
 TEST_CASE("fusion and adjustment are repeated while fusion finds something") {

@@ -179,7 +179,7 @@ void basic_bundle_problem<Memory, Frame, Groups...>::assign(context<Policy>& ctx
       ((finite = finite && resident_group<Groups, Frame, Memory>::all_finite(groups)), ...);
     }
   } catch (...) {
-    data_.structure.frames = data_.structure.landmarks = data_.structure.free_frames = 0;
+    data_.structure.frames = data_.structure.landmarks = 0;
     throw;
   }
   std::apply([&](auto&... g) { data_.observations = (std::size_t{0} + ... + g.size()); }, data_.groups);

@@ -37,7 +37,6 @@ struct search_buffers {
   array<typename Descriptor::distance_type, Memory> distance;  ///< [neighbour][slot]
   plain_vector<std::int32_t> queries;          ///< query keypoints without a map point, ascending: the slots
   plain_vector<std::int32_t> keypoint_counts;  ///< of the query, then of each neighbour
-  std::size_t neighbour_keypoints = 0;         ///< of all neighbours together
   bool has_angles = false;                     ///< every keyframe came with the angles of its keypoints
 };
 
@@ -113,7 +112,11 @@ class correspondences {
   /// Keypoints of the query, then of each neighbour.
   const plain_vector<std::int32_t>& keypoint_counts() const { return buffers_.keypoint_counts; }
   /// Keypoints of all neighbours together.
-  std::size_t neighbour_keypoint_count() const { return buffers_.neighbour_keypoints; }
+  std::size_t neighbour_keypoint_count() const {
+    std::size_t count = 0;
+    for (std::size_t k = 1; k < keypoint_counts().size(); ++k) count += static_cast<std::size_t>(keypoint_counts()[k]);
+    return count;
+  }
   /// Every keyframe came with the angles of its keypoints.
   bool has_angles() const { return buffers_.has_angles; }
   /// Query keypoints without a map point, ascending: the slots of the result.

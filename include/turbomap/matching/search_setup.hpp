@@ -170,7 +170,6 @@ void set_up_search(context<Policy>& ctx, const posed_keyframe<Descriptor, Camera
   v.own_neighbour = neighbours.across_rig ? neighbour_count - 1 : -1;
   v.max_distance = static_cast<typename Descriptor::distance_type>(options.max_distance);
   v.options = options;
-  buffers.neighbour_keypoints = static_cast<std::size_t>(keypoints);
   buffers.has_angles = has_angles;
 }
 
