@@ -38,13 +38,13 @@ struct looked_map : flat_map {
 template <>
 struct turbomap::map_traits<turbomap_test::looked_map> : turbomap::map_traits<turbomap_test::flat_map> {
   using map = turbomap_test::looked_map;
+  static void look_at_list(const map& m, point p) { ++m.looks[p.index]; }
   template <class List>
-  static void look_at_point(const map& m, point p, List&) {
-    ++m.looks[p.index];
-  }
+  static void look_at_slots_of(const map&, point, List&) {}
   static void look_again(const map&, keyframe) {}
   static void look_again(const map&, keyframe, std::size_t) {}
   static void look_at_position(const map&, point) {}
+  static void look_whether_alive(const map&, point) {}
   static void ask_for_state(const map&, point) {}
   static void ask_for(const map&, point) {}
   static void forget_copy(const map&) {}

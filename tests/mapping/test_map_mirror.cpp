@@ -18,6 +18,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 #include <limits>
 #include <mutex>
 #include <new>
@@ -433,6 +434,49 @@ TEST_CASE(
   CHECK(keyframe.points[1] == other);
 }
 
+TEST_CASE("a merge looks again at the slots of the point that goes, whichever entry made it that one") {
+  mirrored_pointer_map m;
+  for (std::uint32_t k = 0; k < 9; ++k) turbomap_test::insert_keyframe(m, random_keypoints(k, 1, 8, 20), k, {});
+  const auto keyframe = [&](std::size_t k) { return m.number(&m.objects.keyframes[k]); };
+  const auto point_seen_by = [&](std::initializer_list<std::size_t> keyframes) {
+    const auto p = traits::add_point(m, {1, 2, 3}, keyframe(*keyframes.begin()));
+    for (const std::size_t k : keyframes) REQUIRE(turbomap::observe(m, p, keyframe(k), 2));
+    return p;
+  };
+  const auto small = point_seen_by({0, 1}), large = point_seen_by({2, 3, 4}), other = point_seen_by({8});
+  const std::vector<turbomap::map_point_id> points{large, small};
+  std::vector<turbomap::map_keyframe_id> targets;
+  std::vector<turbomap::duplicate<std::int32_t>> plan;
+  const auto found = [&](std::int32_t point, std::size_t k) {
+    plan.push_back({static_cast<std::int32_t>(targets.size()), 0, point, 2, 1});
+    targets.push_back(keyframe(k));
+  };
+  std::size_t contradicted =
+      1;  // a keyframe, in whose slot others put a point that does not list it, and do not report it
+  auto last = turbomap::fusion_action::refused;
+  SUBCASE("the one with fewer views goes") { found(0, 0); }
+  SUBCASE("it gains views first, so that the other one goes") {
+    contradicted = 3;
+    for (const std::size_t k : {5U, 6U}) found(1, k);
+    found(1, 2);
+  }
+  SUBCASE("slots of the one that stays are not written to") {
+    contradicted = 3;
+    found(0, 0);
+    last = turbomap::fusion_action::keypoint_replaced;
+  }
+  auto*& slot = m.objects.keyframes[contradicted].points[2];
+  slot = m.name(other);
+  turbomap::fusion_commit<mirrored_pointer_map> fusion;
+  turbomap::fault_list faults;
+  fusion(m, turbomap::span<const turbomap::duplicate<std::int32_t>>(plan),
+         turbomap::span<const turbomap::map_keyframe_id>(targets), turbomap::span<const turbomap::map_point_id>(points),
+         {}, turbomap::fault_sink(faults));
+  CHECK(fusion.actions()[plan.size() - 1] == last);
+  CHECK(faults.size() == (last == turbomap::fusion_action::refused ? 1 : 0));
+  CHECK(slot == m.name(other));
+}
+
 TEST_CASE("an edit that ends between the list of a point and its slot: octaves are counted again") {
   using traits = turbomap::map_traits<turbomap::map_mirror<slotless_map>>;
   slotless_map map;
@@ -449,8 +493,7 @@ TEST_CASE("an edit that ends between the list of a point and its slot: octaves a
   }
   SUBCASE("lost") { CHECK_THROWS_AS(turbomap::forget(mirror, a, 0), std::bad_alloc); }
   map.fails = false;
-  turbomap::plain_vector<turbomap::map_keyframe_id> alive;
-  turbomap::look_at_point(mirror, p, alive);
+  turbomap::look_at_list(mirror, p);
   CHECK(traits::octave_counts(mirror, p)[0] == counted);
 }
 

@@ -117,7 +117,7 @@ class appearance_update {
 
  private:
   void commit(const scope& s, const appearance_options& options, std::size_t i, const point& p) {
-    look_at_position(s.map, p);
+    look_whether_alive(s.map, p);
     if (!traits::alive(s.map, p)) return;
     point_appearance& u = updated_[i];
     if (!options.geometry)

@@ -97,7 +97,7 @@ void commit_points(Map& map, const new_points_view& points,
     if (alive[static_cast<std::size_t>(o.keyframe)] == 0) continue;
     require(o.keypoint >= 0 && static_cast<std::size_t>(o.keypoint) < keypoint_count_of(map, k),
             "observations[].keypoint", o.keypoint, "is not a keypoint of the keyframe");
-    look_at_slot(map, k, static_cast<std::size_t>(o.keypoint));
+    look_at_live_slot(map, k, static_cast<std::size_t>(o.keypoint));
     require_consistent_slot(map, k, static_cast<std::size_t>(o.keypoint), faults);
   }
   make_room(created, created.size() + part_end - part.begin), make_room(due, due.size() + part_end - part.begin);

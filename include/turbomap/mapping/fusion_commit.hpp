@@ -77,7 +77,8 @@ class fusion_commit {
   /// \throws std::invalid_argument  an index out of range; inconsistent_map when a slot or point that an entry concerns
   ///         contradicts the map. Everything is checked, and our memory taken, before the first change: the map is then
   ///         as it was. When a write of the traits finds no memory, the entries before are applied, and none is half done
-  ///         (a merge: where the traits have reserve_observations())
+  ///         (a merge: where the traits have reserve_observations()). The same where a map_mirror finds a contradiction of the user's
+  ///         map at a point that earlier entries made the one that goes: its slots are looked at then
   /// \param faults  where to note contradictions instead; the entries that they concern are left out (refused)
   /// O(entries x views^2).
   template <class Distance>
@@ -99,7 +100,7 @@ class fusion_commit {
       if (actions_[i] == fusion_action::refused) continue;
       actions_[i] =
           apply(map, points[static_cast<std::size_t>(entry.point)], targets[static_cast<std::size_t>(entry.target)],
-                static_cast<std::size_t>(entry.keypoint), options);
+                static_cast<std::size_t>(entry.keypoint), options, faults);
       count(summary, actions_[i]);
     }
     return summary;
@@ -125,7 +126,7 @@ class fusion_commit {
   void check(const Map& map, span<const duplicate<Distance>> plan, span<const keyframe> targets,
              span<const point> points, fault_sink faults) {
     std::size_t views = 0;
-    checked_.clear(), sound_.clear(), looked_at_.clear(), alive_.clear();
+    checked_.clear(), sound_.clear(), looked_at_.clear(), slots_looked_at_.clear(), alive_.clear();
     for (std::size_t i = 0; i < plan.size(); ++i) {
       const auto& entry = plan[i];
       require(entry.target >= 0 && static_cast<std::size_t>(entry.target) < targets.size(), "plan[].target",
@@ -146,17 +147,20 @@ class fusion_commit {
     constexpr std::size_t soon = detail::ahead_near / 2;  // the list of a point is there by then, and names its slots
     for_each_named_ahead<all>(map, plan.size(), searched, [&](std::size_t i, const point& p) {
       if (i + soon < plan.size()) ask_for_slots(map, searched(i + soon));
-      look_once(map, p);
+      if constexpr (is_copy_v<Map>) look_once(map, p);
     });
     const auto target = [&](std::size_t i) { return targets[static_cast<std::size_t>(plan[i].target)]; };
     const auto keypoint = [&](std::size_t i) { return static_cast<std::size_t>(plan[i].keypoint); };
     const auto holder = [&](std::size_t i) {
       return traits::alive(map, target(i)) ? traits::point_at(map, target(i), keypoint(i)) : point{};
     };
-    for_each_named_ahead<all>(map, plan.size(), holder, [&](std::size_t i, const point&) {
-      if (i + soon < plan.size()) ask_for_slots(map, holder(i + soon));
+    if constexpr (is_copy_v<Map>)
+      for_each_named_ahead<all>(map, plan.size(), holder, [&](std::size_t i, const point&) {
+        if (i + soon < plan.size()) ask_for_slots(map, holder(i + soon));
+        if (traits::alive(map, target(i))) look_at_pair(map, target(i), keypoint(i), resolve(map, searched(i)));
+      });
+    for_each_ahead<all>(map, plan.size(), holder, [&](std::size_t i, const point&) {
       if (!traits::alive(map, target(i))) return;
-      look_again(map, target(i), keypoint(i));
       if (!check_entry(map, target(i), keypoint(i), resolve(map, searched(i)), views, faults))
         actions_[i] = fusion_action::refused;
     });
@@ -178,21 +182,61 @@ class fusion_commit {
       }
     return true;
   }
+  /// What decides about an entry. Of two points that are one, the slots of the one that goes: those are written to.
+  void look_at_pair(const Map& map, keyframe k, std::size_t keypoint, point candidate) {
+    look_again(map, k, keypoint);
+    const point holder = traits::alive(map, k) ? traits::point_at(map, k, keypoint) : point{};
+    if (!(holder == point{})) look_once(map, holder);
+    if (!(candidate == point{})) look_once(map, candidate);
+    if (!(holder == candidate) && is_alive(map, holder) && is_alive(map, candidate))
+      look_at_slots_once(map, pair_of(map, candidate, holder).from);
+  }
   void look_once(const Map& map, point p) {
     const std::size_t known = looked_at_.size();
-    if (looked_at_.place(map, p) == known) look_at_point(map, p, alive_);
+    if (looked_at_.place(map, p) != known) return;
+    look_at_list(map, p);
+    slots_looked_at_.push_back(0);
+  }
+  void look_at_slots_once(const Map& map, point p) {
+    look_once(map, p);
+    std::uint8_t& looked_at = slots_looked_at_[looked_at_.place(map, p)];
+    if (looked_at == 0) look_at_slots_of(map, p, alive_);
+    looked_at = 1;
+  }
+  /// Whether a point may go in a merge. In a copy of the user's map, the slots of those that the entries before made the lesser of
+  /// two have not been looked at.
+  bool may_go(const Map& map, [[maybe_unused]] point p, [[maybe_unused]] fault_sink faults) {
+    if constexpr (is_copy_v<Map>) {
+      const std::size_t known = looked_at_.find(map, p);
+      if (known == point_numbering<Map>::none || slots_looked_at_[known] == 0) {
+        look_at_slots_once(map, p);
+        return require_consistent(map, p, faults);
+      }
+    }
+    return true;
+  }
+  static bool is_alive(const Map& map, const point& p) { return !(p == point{}) && traits::alive(map, p); }
+  /// Two points that are one: which of them goes, and into which.
+  struct pair {
+    fusion_action action;
+    point from, into;
+  };
+  static pair pair_of(const Map& map, const point& candidate, const point& holder) {
+    const auto action = fusion_decision(measurement_count(map, candidate), measurement_count(map, holder));
+    if (action == fusion_action::candidate_replaced) return {action, candidate, holder};
+    return {action, holder, candidate};
   }
   bool check_once(const Map& map, point p, std::size_t& views, fault_sink faults) {
     const std::size_t known = sound_.size(), at = checked_.place(map, p);
     if (at != known) return sound_[at] != 0;
-    look_once(map, p);
+    if constexpr (is_copy_v<Map>) look_once(map, p);
     sound_.push_back(require_consistent(map, p, faults) ? 1 : 0);
     traits::for_each_observation(map, p, [&](keyframe, std::size_t) { ++views; });
     return sound_[at] != 0;
   }
 
   fusion_action apply(Map& map, point candidate, keyframe target, std::size_t keypoint,
-                      const fusion_commit_options& options) {
+                      const fusion_commit_options& options, fault_sink faults) {
     candidate = resolve(map, candidate);
     if (candidate == point{} || !traits::alive(map, target)) return fusion_action::stale;
     const int camera = keypoint_of(map, target, keypoint).camera;
@@ -203,13 +247,13 @@ class fusion_commit {
       touched_.push_back(candidate);
       return fusion_action::observation_added;
     }
-    const fusion_action action = fusion_decision(measurement_count(map, candidate), measurement_count(map, holder));
-    const point from = action == fusion_action::candidate_replaced ? candidate : holder;
-    const point into = action == fusion_action::candidate_replaced ? holder : candidate;
-    if (!merge_points(map, from, into, options.merges, scratch_, options.tolerance)) return fusion_action::conflict;
-    touched_.push_back(into);
-    survivors_.push_back(into);
-    return action;
+    const pair two = pair_of(map, candidate, holder);
+    if (!may_go(map, two.from, faults)) return fusion_action::refused;
+    if (!merge_points(map, two.from, two.into, options.merges, scratch_, options.tolerance))
+      return fusion_action::conflict;
+    touched_.push_back(two.into);
+    survivors_.push_back(two.into);
+    return two.action;
   }
 
   static void count(fusion_summary& s, fusion_action action) {
@@ -221,9 +265,11 @@ class fusion_commit {
     s.conflicts += action == fusion_action::conflict ? 1 : 0;
   }
 
-  point_numbering<Map> looked_at_, checked_;
-  list_of<keyframe> alive_;           ///< see look_at_point()
-  plain_vector<std::uint8_t> sound_;  ///< of each of them
+  point_numbering<Map> looked_at_;              ///< in a copy of the user's map: points that were looked at
+  plain_vector<std::uint8_t> slots_looked_at_;  ///< of each of them: so were its slots
+  list_of<keyframe> alive_;                     ///< see look_at_slots_of()
+  point_numbering<Map> checked_;                ///< points that were checked
+  plain_vector<std::uint8_t> sound_;            ///< of each of them
   plain_vector<fusion_action> actions_;
   list_of<point> touched_, survivors_;
   list_of<view> scratch_;  ///< of a point that is merged

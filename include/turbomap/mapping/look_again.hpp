@@ -25,12 +25,23 @@ template <class Map>
 void look_again([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::look_again(map, keyframe);
 }
-/// All of a point that decides in a commit: whether it is alive, its reference, its observations, and their slots.
+/// What decides about a point in a commit: whether it is alive, its reference and its observations.
+template <class Map>
+void look_at_list([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point) {
+  if constexpr (is_copy_v<Map>) map_traits<Map>::look_at_list(map, point);
+}
+/// The slots that its observations name, for a commit that writes to them.
 /// \param alive  remembers which keyframes were found alive; empty when the guard is taken
 template <class Map, class List>
-void look_at_point([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point,
-                   [[maybe_unused]] List& alive) {
-  if constexpr (is_copy_v<Map>) map_traits<Map>::look_at_point(map, point, alive);
+void look_at_slots_of([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point,
+                      [[maybe_unused]] List& alive) {
+  if constexpr (is_copy_v<Map>) map_traits<Map>::look_at_slots_of(map, point, alive);
+}
+/// Both.
+template <class Map, class List>
+void look_at_point(const Map& map, const typename map_traits<Map>::point& point, List& alive) {
+  look_at_list(map, point);
+  look_at_slots_of(map, point, alive);
 }
 /// One slot of a keyframe.
 template <class Map>
@@ -40,9 +51,10 @@ void look_again([[maybe_unused]] const Map& map, [[maybe_unused]] const typename
 }
 /// The same of a keyframe that has been looked at since the guard was taken, and is alive.
 template <class Map>
-void look_at_slot([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe,
-                  [[maybe_unused]] std::size_t keypoint) {
-  if constexpr (is_copy_v<Map>) map_traits<Map>::look_at_slot(map, keyframe, keypoint);
+void look_at_live_slot([[maybe_unused]] const Map& map,
+                       [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe,
+                       [[maybe_unused]] std::size_t keypoint) {
+  if constexpr (is_copy_v<Map>) map_traits<Map>::look_at_live_slot(map, keyframe, keypoint);
 }
 /// All of it, when it is next asked for: somebody has moved the map, and what was copied before would be of another time.
 template <class Map>

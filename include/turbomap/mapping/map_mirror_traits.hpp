@@ -248,12 +248,15 @@ struct map_traits<map_mirror<Map>> {
 
   /// @{
   /// See look_again.hpp.
-  static void look_at_point(const mirror& m, point p, plain_vector<keyframe>& alive) {
-    detail::look_at_point(m.copy(), p, alive);
+  static void look_at_list(const mirror& m, point p) { detail::look_at_list(m.copy(), p); }
+  static void look_at_slots_of(const mirror& m, point p, plain_vector<keyframe>& alive) {
+    detail::look_at_slots_of(m.copy(), p, alive);
   }
   static void look_again(const mirror& m, keyframe k) { detail::look_at_keyframe(m.copy(), k); }
   static void look_again(const mirror& m, keyframe k, std::size_t i) { detail::look_at_slot(m.copy(), k, i); }
-  static void look_at_slot(const mirror& m, keyframe k, std::size_t i) { detail::look_at_live_slot(m.copy(), k, i); }
+  static void look_at_live_slot(const mirror& m, keyframe k, std::size_t i) {
+    detail::look_at_live_slot(m.copy(), k, i);
+  }
   static void forget_copy(const mirror& m) { m.copy().forget_all(); }
   static void hear_refresh(const mirror& m) { m.hear_refresh(); }
   static void look_whether_alive(const mirror& m, point p) { detail::look_whether_alive(m.copy(), p); }

@@ -47,11 +47,13 @@ void look_at_keyframe(map_copy<Map>& copy, map_keyframe_id k) {
   if (!map_traits<Map>::alive(copy.map(), name)) return copy.lose_keyframe(copy.at(k));
   copy.read_pose(copy.at(k), name);
 }
-/// The slots that a list names, which was just read.
+/// The slots that the list of a point names, which has just been read.
 /// \param alive  by place, keyframes that were found alive under the guard which the caller still holds; grows
 template <class Map>
-void look_at_slots_of(map_copy<Map>& copy, std::size_t place, plain_vector<map_keyframe_id>& alive) {
+void look_at_slots_of(map_copy<Map>& copy, map_point_id p, plain_vector<map_keyframe_id>& alive) {
+  if (!copy.points.known(p) || !copy.points.alive(p.index)) return;
   auto& lists = copy.points.lists;
+  const std::size_t place = copy.at(p);
   for (std::size_t n = 0; n < lists.of(place).size(); ++n) {
     const observation o = lists.of(place)[n];
     const map_keyframe_id k = copy.keyframes.at(o.keyframe);
@@ -64,24 +66,19 @@ void look_at_slots_of(map_copy<Map>& copy, std::size_t place, plain_vector<map_k
       look_at_live_slot(copy, k, i);
     }
   }
+  copy.ensure(p);
 }
-/// What decides about a point in a commit: whether it is alive, its reference, its observations and their slots.
-/// \param alive  as look_at_slots_of()
+/// What decides about a point in a commit: whether it is alive, its reference and its observations.
 template <class Map>
-void look_at_point(map_copy<Map>& copy, map_point_id p, plain_vector<map_keyframe_id>& alive) {
+void look_at_list(map_copy<Map>& copy, map_point_id p) {
   using user = map_traits<Map>;
   auto& points = copy.points;
   if (!points.known(p) || !points.alive(p.index)) return;
   const std::size_t place = copy.at(p);
-  if (points.entries[place].read == 0 || !user::alive(copy.map(), copy.name(p))) {
-    copy.read_point(place);
-  } else {
-    const auto name = copy.name(p);
-    points.entries[place].reference = copy.number(user::reference(copy.map(), name), points.entries[place].reference);
-    copy.read_list(place, name);
-  }
-  look_at_slots_of(copy, place, alive);
-  copy.ensure(p);
+  if (points.entries[place].read == 0 || !user::alive(copy.map(), copy.name(p))) return copy.read_point(place);
+  const auto name = copy.name(p);
+  points.entries[place].reference = copy.number(user::reference(copy.map(), name), points.entries[place].reference);
+  copy.read_list(place, name);
 }
 /// What decides about a point that is to be erased, and has just been found alive: its observations, and their slots.
 /// \param alive  as look_at_slots_of()
@@ -93,8 +90,7 @@ void look_before_erasing(map_copy<Map>& copy, map_point_id p, plain_vector<map_k
   copy.ensure(p);
   if (!points.alive(p.index)) return;
   copy.read_list(place, copy.name(p));
-  look_at_slots_of(copy, place, alive);
-  copy.ensure(p);
+  look_at_slots_of(copy, p, alive);
 }
 /// Asks memory for what tells whether a point is alive, and its name.
 template <class Map>
