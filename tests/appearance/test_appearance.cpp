@@ -8,9 +8,11 @@
 #include <thrust/execution_policy.h>
 
 #include <array>
+#include <cstddef>
 #include <cstdio>
 #include <limits>
 #include <random>
+#include <vector>
 
 #include "appearance_cases.hpp"
 #include "support/policies.hpp"
@@ -120,6 +122,28 @@ TEST_CASE("the medoid of any number of descriptors, distances of every type") {
   check_medoids<real_descriptor<float, 1>>(as(1e-3F));
   check_medoids<real_descriptor<float, 1>>(
       [](int v) { return v % 3 == 0 ? std::numeric_limits<float>::quiet_NaN() : static_cast<float>(v) * 1e16F; });
+}
+
+TEST_CASE_TEMPLATE("the medoid of alike descriptors of several widths", Descriptor, turbomap::binary_descriptor<256>,
+                   turbomap::binary_descriptor<488>, turbomap::binary_descriptor<512>, turbomap::binary_descriptor<768>,
+                   real_descriptor<float, 8>) {
+  using element = typename Descriptor::element;
+  std::mt19937 random(11);
+  for (int n = 1; n <= 131; n += n < 40 ? 1 : 13) {
+    std::vector<element> first(Descriptor::elements), all;
+    for (auto& e : first) e = static_cast<element>(random() % 256);
+    for (int i = 0; i < n; ++i) {
+      all.insert(all.end(), first.begin(), first.end());
+      for (unsigned changes = random() % 20; changes > 0; --changes)
+        *(all.end() - 1 - static_cast<std::ptrdiff_t>(random() % Descriptor::elements)) =
+            static_cast<element>(random() % 256);
+    }
+    const auto nth = [&](int i) { return all.data() + i * Descriptor::elements; };
+    std::vector<const element*> rows;
+    for (int i = 0; i < n; ++i) rows.push_back(nth(i));
+    CAPTURE(n);
+    CHECK(turbomap::medoid_with_table<Descriptor>(n, nth) == oracle_medoid<Descriptor>(rows));
+  }
 }
 
 TEST_CASE("distances become integers in the same order") {

@@ -11,8 +11,11 @@
 #include <cstring>
 #include <limits>
 #include <type_traits>
+#include <utility>
 
 #include "../config.hpp"
+#include "../descriptor/binary.hpp"
+#include "../descriptor/four_distances.hpp"
 #include "../math/functions.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -79,38 +82,8 @@ TURBOMAP_HD Key median_key(const Row& row, const key_range<Key>& range, int need
   return low;
 }
 
-/// Distances of one descriptor to all, stored: `size` of them, a multiple of `step`; those that pad it out are the
-/// largest key. Fixed inner loops, so that they become SIMD at every level of optimisation.
-template <class Key>
-struct stored_distances {
-  static constexpr int step = 16;
-  const Key* keys;
-  int size;
-
-  TURBOMAP_HD int count(Key bound) const {
-    Key lanes[step] = {};  // as wide as the keys: one vector
-    for (int i = 0; i < size; i += step)
-      for (int l = 0; l < step; ++l) lanes[l] = static_cast<Key>(lanes[l] + (keys[i + l] <= bound ? 1 : 0));
-    int inside = 0;
-    for (int l = 0; l < step; ++l) inside += static_cast<int>(lanes[l]);
-    return inside;
-  }
-  /// Only a row of `least_count` or more within the bound is looked at twice.
-  TURBOMAP_HD key_range<Key> range(Key bound, int least_count) const {
-    key_range<Key> r{count(bound), std::numeric_limits<Key>::max(), std::numeric_limits<Key>::lowest()};
-    for (int i = 0; i < size && r.count >= least_count; i += step) {
-      for (int l = 0; l < step; ++l) {
-        const Key key = keys[i + l], capped = key <= bound ? key : r.most;
-        r.least = key < r.least ? key : r.least;
-        r.most = capped > r.most ? capped : r.most;
-      }
-    }
-    return r;
-  }
-};
-
-/// The same computed whenever it is asked for: no memory, for any number of descriptors. `keys(j)` is the distance of
-/// the row's descriptor to number j.
+/// Distances of one descriptor to all, computed whenever they are asked for: no memory, for any number of descriptors. `keys(j)`
+/// is the distance of the row's descriptor to number j.
 template <class Key, class Keys>
 struct computed_distances {
   Keys keys;
@@ -154,12 +127,57 @@ TURBOMAP_HD int least_median(int n, const Rows& rows) {
   return medoid;
 }
 
-/// Rows of a square table.
+/// The distances of n descriptors to each other. Each row is padded with the largest key to a multiple of `step`.
 template <class Key>
-struct stored_rows {
-  const Key* table;
-  int stride;
-  TURBOMAP_HD stored_distances<Key> operator()(int i) const { return {table + i * stride, stride}; }
+struct distance_table {
+  static constexpr int step = 16;
+  const Key* keys;
+  int n, stride;
+
+  /// Which of the rows has the least median, as least_median(): by bisection of the values, the least bound within which `needed` keys
+  /// of any row lie.
+  TURBOMAP_HD int least_median() const {
+    const Key needed = static_cast<Key>((n - 1) / 2 + 1);
+    Key low = std::numeric_limits<Key>::lowest(), high = keys[0];
+    for (int j = 1; j < n; ++j) high = keys[j] > high ? keys[j] : high;  // the first row's median is not greater
+    while (low < high) {
+      const Key middle = midpoint(low, high);
+      const bool is_enough = most_within(middle) >= needed;  // no branch on it: nobody could predict it
+      high = is_enough ? middle : high;
+      low = is_enough ? low : static_cast<Key>(middle + 1);
+    }
+    return first_within(low, needed);
+  }
+
+ private:
+  /// Of the rows first ... first + step - 1, how many keys do not exceed the bound. Each row is counted in a lane: a column is a row,
+  /// too. Fixed inner loops, so that they become SIMD at every level of optimisation.
+  struct counts {
+    Key of[step] = {};  // as wide as the keys: one vector
+
+    TURBOMAP_HD counts(const distance_table& t, int first, Key bound) {
+      const Key* row = t.keys + first;
+      for (int j = 0; j < t.n; ++j, row += t.stride)
+        for (int l = 0; l < step; ++l) of[l] = static_cast<Key>(of[l] + (row[l] <= bound ? 1 : 0));
+    }
+  };
+  /// Of the row that has most of them. The bound is less than the largest key.
+  TURBOMAP_HD Key most_within(Key bound) const {
+    Key most = 0;
+    for (int first = 0; first < stride; first += step) {
+      const counts within(*this, first, bound);
+      for (int l = 0; l < step; ++l) most = within.of[l] > most ? within.of[l] : most;
+    }
+    return most;
+  }
+  TURBOMAP_HD int first_within(Key bound, Key needed) const {
+    for (int first = 0; first < stride; first += step) {
+      const counts within(*this, first, bound);
+      for (int l = 0; l < step; ++l)
+        if (within.of[l] >= needed) return first + l;
+    }
+    return 0;
+  }
 };
 
 /// Distance of descriptor `i` to number j; `descriptors(j)` points to its elements.
@@ -181,6 +199,37 @@ struct computed_rows {
     return {{descriptors, i}, n};
   }
 };
+
+/// Fills in the distances of a descriptor to `count` others, which lie one after the other: as a row of a table, and as a column, whose
+/// elements are `stride` apart. Three more of everything are read and overwritten.
+template <class Descriptor, class = void>
+struct symmetric_row {
+  template <class Key>
+  TURBOMAP_HD static void fill(const typename Descriptor::element* one, const typename Descriptor::element* others,
+                               int count, Key* row, Key* column, int stride) {
+    for (int j = 0; j < count; ++j)
+      column[j * stride] = row[j] =
+          static_cast<Key>(distance_order(Descriptor::distance(one, others + j * Descriptor::elements)));
+  }
+};
+#if TURBOMAP_X86_VECTORS && TURBOMAP_VECTOR_BYTES >= 32
+/// Four at a time.
+template <int Bits>
+struct symmetric_row<binary_descriptor<Bits>, std::enable_if_t<counts_bits_of_vectors && Bits % 256 == 0>> {
+  static void fill(const std::uint8_t* one, const std::uint8_t* others, int count, std::uint16_t* row,
+                   std::uint16_t* column, int stride) {
+    const auto apart = [&](int j) {
+      return different_bits(one, others + j * (Bits / 8), std::make_index_sequence<Bits / 256>());
+    };
+    for (int j = 0; j < count; j += 4) {
+      const __m128i sums = sums_of_four(apart(j), apart(j + 1), apart(j + 2), apart(j + 3));
+      std::uint16_t words[8];
+      std::memcpy(words, &sums, sizeof words);
+      for (int k = 0; k < 4; ++k) column[(j + k) * stride] = row[j + k] = words[word_of_four[k]];
+    }
+  }
+};
+#endif
 
 }  // namespace detail
 
@@ -205,37 +254,34 @@ TURBOMAP_HD int medoid_with_table(int n, const Descriptors& descriptors) {
   using distance = typename Descriptor::distance_type;
   using key = typename detail::table_key<Descriptor>::type;
   using element = typename Descriptor::element;
-  constexpr int step = detail::stored_distances<key>::step;
-  constexpr int most = medoid_table_size<Descriptor>;
+  constexpr int step = detail::distance_table<key>::step;
+  constexpr int most = medoid_table_size<Descriptor>, more = 3;
   static_assert(most % step == 0);
   if (n <= 2 || n > most) return medoid_without_memory<Descriptor>(n, descriptors);
   const int stride = (n + step - 1) / step * step;
-  key table[most * most];
+  key table[(most + more) * most];
   // Short descriptors are copied first: they come from as many places of memory, and waiting for all of them at once is
   // shorter than for one after the other.
   constexpr bool copied = Descriptor::bytes <= 64;
-  alignas(32) element copies[copied ? most * Descriptor::elements : 1];
-  const element* places[copied ? 1 : most];
-  for (int i = 0; i < n; ++i)
-    if constexpr (copied)
+  alignas(32) element copies[copied ? (most + more) * Descriptor::elements : 1];
+  if constexpr (copied) {
+    for (int i = 0; i < n; ++i)
       std::memcpy(static_cast<void*>(copies + i * Descriptor::elements), descriptors(i), Descriptor::bytes);
-    else
-      places[i] = descriptors(i);
-  const auto at = [&](int i) -> const element* {
-    if constexpr (copied)
-      return copies + i * Descriptor::elements;
-    else
-      return places[i];
-  };
+    std::memset(static_cast<void*>(copies + n * Descriptor::elements), 0, more * Descriptor::bytes);
+  }
+  const element* places[copied ? 1 : most];
+  for (int i = 0; !copied && i < n; ++i) places[i] = descriptors(i);
   for (int i = 0; i < n; ++i) {
     key* row = table + i * stride;
-    const element* mine = at(i);
-    for (int j = 0; j < i; ++j)
-      table[j * stride + i] = row[j] = static_cast<key>(distance_order(Descriptor::distance(mine, at(j))));
+    if constexpr (copied)
+      detail::symmetric_row<Descriptor>::fill(copies + i * Descriptor::elements, copies, i, row, table + i, stride);
+    else
+      for (int j = 0; j < i; ++j)
+        table[j * stride + i] = row[j] = static_cast<key>(distance_order(Descriptor::distance(places[i], places[j])));
     row[i] = static_cast<key>(distance_order(distance(0)));
     for (int j = n; j < stride; ++j) row[j] = std::numeric_limits<key>::max();
   }
-  return detail::least_median<key>(n, detail::stored_rows<key>{table, stride});
+  return detail::distance_table<key>{table, n, stride}.least_median();
 }
 
 TURBOMAP_END_NAMESPACE
