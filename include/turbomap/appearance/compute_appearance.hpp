@@ -16,6 +16,7 @@
 #include "../context.hpp"
 #include "../math/linear.hpp"
 #include "../math/strict.hpp"
+#include "../prefetch.hpp"
 #include "../store/keyframe_view.hpp"
 #include "appearance_view.hpp"
 #include "medoid.hpp"
@@ -151,14 +152,17 @@ struct appearance_geometry {
   }
 };
 
-/// Index = point.
+/// Index = point. For threads of the host.
 template <class Descriptor, class Camera>
 struct compute_appearance {
   appearance_inputs<Descriptor, Camera> in;
+  int count;  ///< of the points
   point_appearance* points;
   typename Descriptor::element* descriptors;  ///< [point][element]; null: not asked for
 
-  TURBOMAP_HD void operator()(int i) const {
+  /// Computes point i, and asks memory for the descriptors of the next one.
+  void operator()(int i) const {
+    if (descriptors != nullptr && i + 1 < count) prefetch(i + 1);
     const point_observation* seen = in.observations + in.observation_offset[i];
     const int n = in.observation_offset[i + 1] - in.observation_offset[i];
     point_appearance p{};
@@ -175,8 +179,16 @@ struct compute_appearance {
   }
 
  private:
-  TURBOMAP_HD void measure(const appearance_geometry<Descriptor, Camera>& geometry, int i,
-                           const point_observation* seen, int n, point_appearance& p) const {
+  void prefetch(int i) const {
+    const point_observation* seen = in.observations + in.observation_offset[i];
+    const chosen_views chosen(in.observation_offset[i + 1] - in.observation_offset[i], in.most_views);
+    for (int j = 0; j < chosen.count; ++j) {
+      const point_observation& o = seen[chosen(j)];
+      prefetch_line(in.keyframes[o.keyframe].descriptor_of(o.keypoint));
+    }
+  }
+  void measure(const appearance_geometry<Descriptor, Camera>& geometry, int i, const point_observation* seen, int n,
+               point_appearance& p) const {
     using S = strict<double>;
     const chosen_views chosen(n, in.most_views);
     vec3<S> sum{S(0), S(0), S(0)};
@@ -190,7 +202,7 @@ struct compute_appearance {
     }
     geometry.measure(i, chosen.count, sum, keypoint, p);
   }
-  TURBOMAP_HD void represent(int i, const point_observation* seen, int n, point_appearance& p) const {
+  void represent(int i, const point_observation* seen, int n, point_appearance& p) const {
     typename Descriptor::element* mine = descriptors + static_cast<std::size_t>(i) * Descriptor::elements;
     const chosen_views chosen(n, in.most_views);
     const observed_descriptors<Descriptor, Camera> all{in.keyframes, seen, chosen};
@@ -218,7 +230,8 @@ template <class Derived, class Descriptor, class Camera>
 void launch_compute_appearance(const thrust::execution_policy<Derived>& policy,
                                const detail::appearance_inputs<Descriptor, Camera>& in, int count,
                                point_appearance* points, typename Descriptor::element* descriptors) {
-  for_each_index(derived(policy), count, detail::compute_appearance<Descriptor, Camera>{in, points, descriptors});
+  for_each_index(derived(policy), count,
+                 detail::compute_appearance<Descriptor, Camera>{in, count, points, descriptors});
 }
 
 TURBOMAP_END_NAMESPACE

@@ -136,7 +136,7 @@ struct distance_table {
 
   /// Which of the rows has the least median, as least_median(): by bisection of the values, the least bound within which `needed` keys
   /// of any row lie.
-  TURBOMAP_HD int least_median() const {
+  int least_median() const {
     const Key needed = static_cast<Key>((n - 1) / 2 + 1);
     Key low = std::numeric_limits<Key>::lowest(), high = keys[0];
     for (int j = 1; j < n; ++j) high = keys[j] > high ? keys[j] : high;  // the first row's median is not greater
@@ -155,14 +155,14 @@ struct distance_table {
   struct counts {
     Key of[step] = {};  // as wide as the keys: one vector
 
-    TURBOMAP_HD counts(const distance_table& t, int first, Key bound) {
+    counts(const distance_table& t, int first, Key bound) {
       const Key* row = t.keys + first;
       for (int j = 0; j < t.n; ++j, row += t.stride)
         for (int l = 0; l < step; ++l) of[l] = static_cast<Key>(of[l] + (row[l] <= bound ? 1 : 0));
     }
   };
   /// Of the row that has most of them. The bound is less than the largest key.
-  TURBOMAP_HD Key most_within(Key bound) const {
+  Key most_within(Key bound) const {
     Key most = 0;
     for (int first = 0; first < stride; first += step) {
       const counts within(*this, first, bound);
@@ -170,7 +170,7 @@ struct distance_table {
     }
     return most;
   }
-  TURBOMAP_HD int first_within(Key bound, Key needed) const {
+  int first_within(Key bound, Key needed) const {
     for (int first = 0; first < stride; first += step) {
       const counts within(*this, first, bound);
       for (int l = 0; l < step; ++l)
@@ -205,8 +205,8 @@ struct computed_rows {
 template <class Descriptor, class = void>
 struct symmetric_row {
   template <class Key>
-  TURBOMAP_HD static void fill(const typename Descriptor::element* one, const typename Descriptor::element* others,
-                               int count, Key* row, Key* column, int stride) {
+  static void fill(const typename Descriptor::element* one, const typename Descriptor::element* others, int count,
+                   Key* row, Key* column, int stride) {
     for (int j = 0; j < count; ++j)
       column[j * stride] = row[j] =
           static_cast<Key>(distance_order(Descriptor::distance(one, others + j * Descriptor::elements)));
@@ -247,10 +247,10 @@ TURBOMAP_HD int medoid_without_memory(int n, const Descriptors& descriptors) {
 template <class Descriptor>
 inline constexpr int medoid_table_size = sizeof(typename detail::table_key<Descriptor>::type) == 2 ? 128 : 64;
 
-/// The same where there is a stack: each pair is compared once where a table holds the distances. Not for kernels,
-/// whose threads would each get the table in device memory: cuda/compute_appearance.cuh has their own.
+/// The same on the host, which has a stack: each pair is compared once where a table holds the distances. Kernels have their own:
+/// cuda/medoid.cuh.
 template <class Descriptor, class Descriptors>
-TURBOMAP_HD int medoid_with_table(int n, const Descriptors& descriptors) {
+int medoid_with_table(int n, const Descriptors& descriptors) {
   using distance = typename Descriptor::distance_type;
   using key = typename detail::table_key<Descriptor>::type;
   using element = typename Descriptor::element;
