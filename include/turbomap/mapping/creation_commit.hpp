@@ -38,6 +38,107 @@ struct part_of_list {
 
 TURBOMAP_BEGIN_NAMESPACE
 
+namespace detail {
+
+/// Inserts new points, once their observations have been looked at.
+template <class Map>
+class point_insertion {
+ public:
+  using traits = map_traits<Map>;
+  using keyframe = typename traits::keyframe;
+
+  /// All must outlive this.
+  point_insertion(Map& map, const new_points_view& points, const computed_appearances<typename traits::descriptor>& a,
+                  span<const keyframe> keyframes)
+      : map_(map), points_(points), appearances_(a), keyframes_(keyframes), alive_(keyframes.size()) {
+    for (std::size_t n = 0; n < keyframes.size(); ++n) {
+      if (keyframes[n] == keyframe{}) continue;
+      look_again(map, keyframes[n]);
+      alive_[n] = traits::alive(map, keyframes[n]) ? 1 : 0;
+    }
+  }
+  /// Looks at the slots of the observations [begin, end). \throws what commit_points() throws
+  void look(std::size_t begin, std::size_t end, fault_sink faults) const {
+    for (std::size_t v = begin; v < end; ++v) {
+      if (v + ahead_near < end) {
+        const point_observation& next = points_.observations[v + ahead_near];
+        const auto n = static_cast<std::size_t>(next.keyframe);
+        if (n < keyframes_.size()) ask_for(map_, keyframes_[n], static_cast<std::size_t>(next.keypoint));
+      }
+      const point_observation& o = points_.observations[v];
+      require(o.keyframe >= 0 && static_cast<std::size_t>(o.keyframe) < keyframes_.size(), "observations[].keyframe",
+              o.keyframe, "is not the number of a keyframe");
+      if (!is_alive(o)) continue;
+      require(o.keypoint >= 0 && keypoint_of(o) < keypoint_count_of(map_, keyframe_of(o)), "observations[].keypoint",
+              o.keypoint, "is not a keypoint of the keyframe");
+      look_at_live_slot(map_, keyframe_of(o), keypoint_of(o));
+      require_consistent_slot(map_, keyframe_of(o), keypoint_of(o), faults);
+    }
+  }
+  /// Inserts point i, if two of its observations are possible. See commit_points().
+  template <class List>
+  void insert(std::size_t i, List& created, List& due) const {
+    const auto begin = static_cast<std::size_t>(points_.offsets[i]),
+               end = static_cast<std::size_t>(points_.offsets[i + 1]);
+    std::size_t views = 0, first = end;
+    for (std::size_t v = end; v-- > begin;)
+      if (is_possible(points_.observations[v])) ++views, first = v;
+    if (views < 2) return;
+    const auto point = traits::add_point(map_, points_.positions[i], keyframe_of(points_.observations[first]));
+    if constexpr (map_has_v<Map, map_reserve_member>) {
+      try {
+        traits::reserve_observations(map_, point, views);
+      } catch (...) {  // without a view it is no point
+        traits::retire(map_, point, typename traits::point{});
+        throw;
+      }
+    }
+    describe(i, point);
+    observe_possible(first, end, point);
+    created.push_back(point);
+    if constexpr (map_has_v<Map, map_created_member>) traits::created(map_, point);
+    if (views < end - begin) due.push_back(point);
+  }
+
+ private:
+  const keyframe& keyframe_of(const point_observation& o) const {
+    return keyframes_[static_cast<std::size_t>(o.keyframe)];
+  }
+  static std::size_t keypoint_of(const point_observation& o) { return static_cast<std::size_t>(o.keypoint); }
+  bool is_alive(const point_observation& o) const { return alive_[static_cast<std::size_t>(o.keyframe)] != 0; }
+  bool is_possible(const point_observation& o) const {
+    return is_alive(o) && traits::point_at(map_, keyframe_of(o), keypoint_of(o)) == typename traits::point{};
+  }
+  void describe(std::size_t i, const typename traits::point& point) const {
+    if (appearances_.empty()) return;
+    const point_appearance& a = appearances_.points[i];
+    traits::set_appearance(map_, point, a.normal, a.min_distance, a.max_distance, appearances_.descriptor(i));
+    if constexpr (map_has_v<Map, map_covariance_member>) traits::set_covariance(map_, point, a.covariance);
+  }
+  /// Those of the observations [first, end) that are possible.
+  void observe_possible(std::size_t first, std::size_t end, const typename traits::point& point) const {
+    for (std::size_t v = first; v < end; ++v) {
+      const point_observation& o = points_.observations[v];
+      if (!is_possible(o)) continue;
+      bool seen_yet = false;  // by names, not numbers: nobody promises that a keyframe has only one
+      for (std::size_t u = first; u < v; ++u)
+        seen_yet = seen_yet || keyframe_of(points_.observations[u]) == keyframe_of(o);
+      if (seen_yet)  // perhaps by the same camera
+        observe(map_, point, keyframe_of(o), keypoint_of(o));
+      else
+        observe_first(map_, point, keyframe_of(o), keypoint_of(o));
+    }
+  }
+
+  Map& map_;
+  const new_points_view& points_;
+  const computed_appearances<typename traits::descriptor>& appearances_;
+  span<const keyframe> keyframes_;
+  plain_vector<std::uint8_t> alive_;  ///< of each keyframe
+};
+
+}  // namespace detail
+
 /// Inserts points in their order, each with those of its observations that are still possible, if these are two at least. A
 /// keypoint that has a point by then, given by an earlier entry or by somebody else since the search, gets no second one, and
 /// neither does one of a keyframe that is gone. The caller holds the guard of the map.
@@ -58,7 +159,6 @@ void commit_points(Map& map, const new_points_view& points,
                    const computed_appearances<typename map_traits<Map>::descriptor>& appearances,
                    span<const typename map_traits<Map>::keyframe> keyframes, List& created, List& due,
                    fault_sink faults = {}, part_of_list part = {}) {
-  using traits = map_traits<Map>;
   static_assert(require_map_traits<Map>());
   const std::size_t count = points.positions.size();
   const std::size_t part_end = part.end < count ? part.end : count;
@@ -73,80 +173,14 @@ void commit_points(Map& map, const new_points_view& points,
             "must not fall, and be at most the number of observations");
     before = at;
   }
-  plain_vector<std::uint8_t> alive(keyframes.size());
-  for (std::size_t n = 0; n < keyframes.size(); ++n) {
-    if (keyframes[n] == typename traits::keyframe{}) continue;
-    look_again(map, keyframes[n]);
-    alive[n] = traits::alive(map, keyframes[n]) ? 1 : 0;
-  }
-  constexpr std::size_t ahead = detail::ahead_near;
+  const detail::point_insertion<Map> insertion(map, points, appearances, keyframes);
   // What no point has takes part in the first part and the last.
   const auto offset = [&](std::size_t i) { return static_cast<std::size_t>(points.offsets[i]); };
-  const std::size_t views_begin = part.begin == 0 ? 0 : offset(part.begin),
-                    views_end = part_end == count ? points.observations.size() : offset(part_end);
-  for (std::size_t v = views_begin; v < views_end; ++v) {
-    if (v + ahead < views_end) {
-      const point_observation& next = points.observations[v + ahead];
-      const auto n = static_cast<std::size_t>(next.keyframe);
-      if (n < keyframes.size()) ask_for(map, keyframes[n], static_cast<std::size_t>(next.keypoint));
-    }
-    const point_observation& o = points.observations[v];
-    require(o.keyframe >= 0 && static_cast<std::size_t>(o.keyframe) < keyframes.size(), "observations[].keyframe",
-            o.keyframe, "is not the number of a keyframe");
-    const auto k = keyframes[static_cast<std::size_t>(o.keyframe)];
-    if (alive[static_cast<std::size_t>(o.keyframe)] == 0) continue;
-    require(o.keypoint >= 0 && static_cast<std::size_t>(o.keypoint) < keypoint_count_of(map, k),
-            "observations[].keypoint", o.keypoint, "is not a keypoint of the keyframe");
-    look_at_live_slot(map, k, static_cast<std::size_t>(o.keypoint));
-    require_consistent_slot(map, k, static_cast<std::size_t>(o.keypoint), faults);
-  }
+  insertion.look(part.begin == 0 ? 0 : offset(part.begin),
+                 part_end == count ? points.observations.size() : offset(part_end), faults);
   make_room(created, created.size() + part_end - part.begin), make_room(due, due.size() + part_end - part.begin);
   expect_points(map, part_end - part.begin);
-  const auto possible = [&](const point_observation& o) {
-    const auto k = keyframes[static_cast<std::size_t>(o.keyframe)];
-    return alive[static_cast<std::size_t>(o.keyframe)] != 0 &&
-           traits::point_at(map, k, static_cast<std::size_t>(o.keypoint)) == typename traits::point{};
-  };
-  for (std::size_t i = part.begin; i < part_end; ++i) {
-    const auto begin = static_cast<std::size_t>(points.offsets[i]),
-               end = static_cast<std::size_t>(points.offsets[i + 1]);
-    std::size_t views = 0, first = end;
-    for (std::size_t v = end; v-- > begin;)
-      if (possible(points.observations[v])) ++views, first = v;
-    if (views < 2) continue;
-    const auto reference = keyframes[static_cast<std::size_t>(points.observations[first].keyframe)];
-    const auto point = traits::add_point(map, points.positions[i], reference);
-    if constexpr (detail::map_has_v<Map, detail::map_reserve_member>) {
-      try {
-        traits::reserve_observations(map, point, views);
-      } catch (...) {  // without a view it is no point
-        traits::retire(map, point, typename traits::point{});
-        throw;
-      }
-    }
-    if (!appearances.empty()) {
-      const point_appearance& a = appearances.points[i];
-      traits::set_appearance(map, point, a.normal, a.min_distance, a.max_distance, appearances.descriptor(i));
-      if constexpr (detail::map_has_v<Map, detail::map_covariance_member>)
-        traits::set_covariance(map, point, a.covariance);
-    }
-    for (std::size_t v = first; v < end; ++v) {
-      const point_observation& o = points.observations[v];
-      if (!possible(o)) continue;
-      const auto keyframe = keyframes[static_cast<std::size_t>(o.keyframe)];
-      const auto keypoint = static_cast<std::size_t>(o.keypoint);
-      bool seen_yet = false;  // by names, not numbers: nobody promises that a keyframe has only one
-      for (std::size_t u = first; u < v; ++u)
-        seen_yet = seen_yet || keyframes[static_cast<std::size_t>(points.observations[u].keyframe)] == keyframe;
-      if (seen_yet)  // perhaps by the same camera
-        observe(map, point, keyframe, keypoint);
-      else
-        observe_first(map, point, keyframe, keypoint);
-    }
-    created.push_back(point);
-    if constexpr (detail::map_has_v<Map, detail::map_created_member>) traits::created(map, point);
-    if (views < end - begin) due.push_back(point);
-  }
+  for (std::size_t i = part.begin; i < part_end; ++i) insertion.insert(i, created, due);
 }
 
 /// The same for the accepted points of pairs, in the order of their plan, (neighbour, query keypoint): a point enters the map if

@@ -19,7 +19,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <utility>
 
 #include "../config.hpp"
 #include "../error.hpp"

@@ -16,6 +16,7 @@
 #include "../plain_vector.hpp"
 #include "adjustment_commit.hpp"
 #include "adjustment_window.hpp"
+#include "local_adjustment_check.hpp"
 #include "local_adjustment_options.hpp"
 #include "stage.hpp"
 #include "window_measurements.hpp"

@@ -45,7 +45,7 @@ class simple_inertial_map : public simple_map<Descriptor, Camera> {
   /// added to the map as a simple_map has no such room.
   map_keyframe_id add_keyframe(span<const keypoint> keypoints, rigid_transform<double> T_cw, double time_s = 0,
                                map_keyframe_id previous = {}) {
-    this->grow(entries_, entries_.size() + 1);
+    make_room(entries_, entries_.size() + 1);
     const map_keyframe_id k = simple_map<Descriptor, Camera>::add_keyframe(keypoints, T_cw, time_s, previous);
     make(k);
     return k;

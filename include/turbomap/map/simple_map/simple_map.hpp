@@ -49,7 +49,7 @@ class simple_map {
     if (previous != map_keyframe_id{}) check(previous);
     plain_vector<keypoint> copy(keypoints.data(), keypoints.data() + keypoints.size());
     plain_vector<map_point_id> slots(keypoints.size());
-    grow(keyframes_, keyframe_places_.size() + 1);
+    make_room(keyframes_, keyframe_places_.size() + 1);
     const std::int32_t k = keyframe_places_.take();
     if (static_cast<std::size_t>(k) == keyframes_.size()) keyframes_.emplace_back();
     auto& entry = keyframes_[static_cast<std::size_t>(k)];
@@ -65,8 +65,8 @@ class simple_map {
   map_point_id add_point(vec3<double> position, map_keyframe_id reference = {}) {
     if (reference != map_keyframe_id{}) check(reference);
     const std::size_t size = point_places_.size() + 1;
-    grow(positions_, size), grow(normals_, size), grow(ranges_, size), grow(points_, size), grow(covariances_, size);
-    grow(descriptors_, size * elements), grow(counts_, size * levels_);
+    make_room(positions_, size), make_room(normals_, size), make_room(ranges_, size), make_room(points_, size);
+    make_room(covariances_, size), make_room(descriptors_, size * elements), make_room(counts_, size * levels_);
     observations_.open(size - 1);
     const std::int32_t p = point_places_.take();
     const auto at = static_cast<std::size_t>(p);
@@ -140,13 +140,6 @@ class simple_map {
         point_places_.give_back(place);
       }
     }
-  }
-
- protected:
-  /// Room for `size` elements: what follows does not throw.
-  template <class List>
-  static void grow(List& v, std::size_t size) {
-    if (v.capacity() < size) v.reserve(std::max(size, 2 * v.capacity()));
   }
 
  private:
