@@ -6,6 +6,8 @@
 
 #include <doctest/doctest.h>
 
+#include <turbomap/mapping/map_mirror.hpp>  // first: what looks into a mirror must not hide what looks at a map
+
 #include <turbomap/map/validate.hpp>
 #include <turbomap/mapping/creation_commit.hpp>
 #include <turbomap/matching/first_claims.hpp>

@@ -434,47 +434,76 @@ TEST_CASE(
   CHECK(keyframe.points[1] == other);
 }
 
-TEST_CASE("a merge looks again at the slots of the point that goes, whichever entry made it that one") {
+/// A small point, a large one and another; a plan of duplicates, and a slot that others gave to the other without telling its list,
+/// or anybody.
+struct contradicted_merge {
   mirrored_pointer_map m;
-  for (std::uint32_t k = 0; k < 9; ++k) turbomap_test::insert_keyframe(m, random_keypoints(k, 1, 8, 20), k, {});
-  const auto keyframe = [&](std::size_t k) { return m.number(&m.objects.keyframes[k]); };
-  const auto point_seen_by = [&](std::initializer_list<std::size_t> keyframes) {
+  turbomap::map_point_id small, large, other;
+  std::vector<turbomap::map_keyframe_id> targets;
+  std::vector<turbomap::duplicate<std::int32_t>> plan;
+  turbomap::fusion_commit<mirrored_pointer_map> fusion;
+
+  contradicted_merge() {
+    for (std::uint32_t k = 0; k < 9; ++k) turbomap_test::insert_keyframe(m, random_keypoints(k, 1, 8, 20), k, {});
+    small = point_seen_by({0, 1}), large = point_seen_by({2, 3, 4}), other = point_seen_by({8});
+  }
+  turbomap::map_keyframe_id keyframe(std::size_t k) { return m.number(&m.objects.keyframes[k]); }
+  turbomap::map_point_id point_seen_by(std::initializer_list<std::size_t> keyframes) {
     const auto p = traits::add_point(m, {1, 2, 3}, keyframe(*keyframes.begin()));
     for (const std::size_t k : keyframes) REQUIRE(turbomap::observe(m, p, keyframe(k), 2));
     return p;
-  };
-  const auto small = point_seen_by({0, 1}), large = point_seen_by({2, 3, 4}), other = point_seen_by({8});
-  const std::vector<turbomap::map_point_id> points{large, small};
-  std::vector<turbomap::map_keyframe_id> targets;
-  std::vector<turbomap::duplicate<std::int32_t>> plan;
-  const auto found = [&](std::int32_t point, std::size_t k) {
-    plan.push_back({static_cast<std::int32_t>(targets.size()), 0, point, 2, 1});
+  }
+  pointer_point*& slot(std::size_t k) { return m.objects.keyframes[k].points[2]; }
+  /// The small point, or the large one, is found in a keyframe.
+  void found(bool is_small, std::size_t k) {
+    plan.push_back({static_cast<std::int32_t>(targets.size()), 0, is_small ? 1 : 0, 2, 1});
     targets.push_back(keyframe(k));
-  };
-  std::size_t contradicted =
-      1;  // a keyframe, in whose slot others put a point that does not list it, and do not report it
-  auto last = turbomap::fusion_action::refused;
-  SUBCASE("the one with fewer views goes") { found(0, 0); }
+  }
+  turbomap::fusion_summary fuse(const turbomap::fault_sink& sink) {
+    const std::vector<turbomap::map_point_id> points{large, small};
+    return fusion(m, turbomap::span<const turbomap::duplicate<std::int32_t>>(plan),
+                  turbomap::span<const turbomap::map_keyframe_id>(targets),
+                  turbomap::span<const turbomap::map_point_id>(points), {}, sink);
+  }
+  /// It gains views first, so that the large one goes.
+  void find_small_one_often() {
+    for (const std::size_t k : {5U, 6U, 2U, 4U}) found(true, k);
+  }
+};
+
+TEST_CASE("a merge looks again at the slots of the point that goes, whichever entry made it that one") {
+  contradicted_merge s;
+  std::size_t contradicted = 1, refused = 1;
+  SUBCASE("the one with fewer views goes") { s.found(false, 0); }
   SUBCASE("it gains views first, so that the other one goes") {
-    contradicted = 3;
-    for (const std::size_t k : {5U, 6U}) found(1, k);
-    found(1, 2);
+    contradicted = 3, refused = 2;
+    s.find_small_one_often();
   }
   SUBCASE("slots of the one that stays are not written to") {
-    contradicted = 3;
-    found(0, 0);
-    last = turbomap::fusion_action::keypoint_replaced;
+    contradicted = 3, refused = 0;
+    s.found(false, 0);
   }
-  auto*& slot = m.objects.keyframes[contradicted].points[2];
-  slot = m.name(other);
-  turbomap::fusion_commit<mirrored_pointer_map> fusion;
+  s.slot(contradicted) = s.m.name(s.other);
   turbomap::fault_list faults;
-  fusion(m, turbomap::span<const turbomap::duplicate<std::int32_t>>(plan),
-         turbomap::span<const turbomap::map_keyframe_id>(targets), turbomap::span<const turbomap::map_point_id>(points),
-         {}, turbomap::fault_sink(faults));
-  CHECK(fusion.actions()[plan.size() - 1] == last);
-  CHECK(faults.size() == (last == turbomap::fusion_action::refused ? 1 : 0));
-  CHECK(slot == m.name(other));
+  const auto summary = s.fuse(turbomap::fault_sink(faults));
+  const auto is_refused = [](turbomap::fusion_action a) { return a == turbomap::fusion_action::refused; };
+  CHECK(std::count_if(s.fusion.actions().begin(), s.fusion.actions().end(), is_refused) ==
+        static_cast<std::ptrdiff_t>(refused));
+  CHECK(faults.size() == (refused > 0 ? 1 : 0));
+  CHECK(summary.entries + refused == s.plan.size());
+  CHECK(summary.merged == (refused > 0 ? 0 : 1));
+  CHECK(s.slot(contradicted) == s.m.name(s.other));
+}
+
+TEST_CASE(
+    "where contradictions are thrown, all slots of the points of a plan are looked at before anything is written") {
+  contradicted_merge s;
+  s.find_small_one_often();
+  s.slot(3) = s.m.name(s.other);
+  CHECK_THROWS_AS(s.fuse({}), turbomap::inconsistent_map);
+  CHECK(traits::point_at(s.m, s.keyframe(5), 2) == turbomap::map_point_id{});
+  CHECK(traits::alive(s.m, s.small));
+  CHECK(s.slot(3) == s.m.name(s.other));
 }
 
 TEST_CASE("an edit that ends between the list of a point and its slot: octaves are counted again") {

@@ -201,7 +201,7 @@ struct computed_rows {
 };
 
 /// Fills in the distances of a descriptor to `count` others, which lie one after the other: as a row of a table, and as a column, whose
-/// elements are `stride` apart. Three more of everything are read and overwritten.
+/// elements are `stride` apart. Three more of everything may be read and overwritten.
 template <class Descriptor, class = void>
 struct symmetric_row {
   template <class Key>
@@ -242,8 +242,8 @@ TURBOMAP_HD int medoid_without_memory(int n, const Descriptors& descriptors) {
   return detail::least_median<key>(n, detail::computed_rows<Descriptor, Descriptors>{descriptors, n});
 }
 
-/// So many descriptors get the table of their distances on the stack (32 KB for binary descriptors, 16 KB for other 32-bit
-/// distances); more go without. Not a limit: the answer is the same.
+/// So many descriptors get the table of their distances on the stack (33 KB for binary descriptors, 17 KB for other 32-bit
+/// distances, and 8 KB at most for copies of short ones); more go without. Not a limit: the answer is the same.
 template <class Descriptor>
 inline constexpr int medoid_table_size = sizeof(typename detail::table_key<Descriptor>::type) == 2 ? 128 : 64;
 

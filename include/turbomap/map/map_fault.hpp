@@ -154,6 +154,8 @@ class fault_sink {
     if (noted_ == nullptr) throw inconsistent_map(v);
     noted_->note(v);
   }
+  /// Whether it throws.
+  bool throws() const { return noted_ == nullptr; }
 
  private:
   fault_list* noted_ = nullptr;

@@ -40,7 +40,8 @@ TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
-/// Inserts new points, once their observations have been looked at.
+/// Inserts new points, once their observations have been looked at. (Looks are qualified: what looks into a map_mirror has the same
+/// names here.)
 template <class Map>
 class point_insertion {
  public:
@@ -53,7 +54,7 @@ class point_insertion {
       : map_(map), points_(points), appearances_(a), keyframes_(keyframes), alive_(keyframes.size()) {
     for (std::size_t n = 0; n < keyframes.size(); ++n) {
       if (keyframes[n] == keyframe{}) continue;
-      look_again(map, keyframes[n]);
+      turbomap::look_again(map, keyframes[n]);
       alive_[n] = traits::alive(map, keyframes[n]) ? 1 : 0;
     }
   }
@@ -63,7 +64,7 @@ class point_insertion {
       if (v + ahead_near < end) {
         const point_observation& next = points_.observations[v + ahead_near];
         const auto n = static_cast<std::size_t>(next.keyframe);
-        if (n < keyframes_.size()) ask_for(map_, keyframes_[n], static_cast<std::size_t>(next.keypoint));
+        if (n < keyframes_.size()) turbomap::ask_for(map_, keyframes_[n], static_cast<std::size_t>(next.keypoint));
       }
       const point_observation& o = points_.observations[v];
       require(o.keyframe >= 0 && static_cast<std::size_t>(o.keyframe) < keyframes_.size(), "observations[].keyframe",
@@ -71,7 +72,7 @@ class point_insertion {
       if (!is_alive(o)) continue;
       require(o.keypoint >= 0 && keypoint_of(o) < keypoint_count_of(map_, keyframe_of(o)), "observations[].keypoint",
               o.keypoint, "is not a keypoint of the keyframe");
-      look_at_live_slot(map_, keyframe_of(o), keypoint_of(o));
+      turbomap::look_at_live_slot(map_, keyframe_of(o), keypoint_of(o));
       require_consistent_slot(map_, keyframe_of(o), keypoint_of(o), faults);
     }
   }

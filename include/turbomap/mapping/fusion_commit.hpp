@@ -75,10 +75,10 @@ class fusion_commit {
   /// \param points   points that were searched for
   /// \throws std::invalid_argument  an index out of range; inconsistent_map when a slot or point that an entry concerns
   ///         contradicts the map. Everything is checked, and our memory taken, before the first change: the map is then
-  ///         as it was. When a write of the traits finds no memory, the entries before are applied, and none is half done
-  ///         (a merge: where the traits have reserve_observations()). The same where a map_mirror finds a contradiction of the user's
-  ///         map at a point that earlier entries made the one that goes: its slots are looked at then
-  /// \param faults  where to note contradictions instead; the entries that they concern are left out (refused)
+  ///         as it was. When a write of the traits finds no memory, or a look at the map of a map_mirror, the entries before are
+  ///         applied, and none is half done (a merge: where the traits have reserve_observations())
+  /// \param faults  where to note contradictions instead; the entries that they concern are left out (refused). Of a map_mirror's
+  ///                points only those slots are looked at then that the plan writes to
   /// O(entries x views^2).
   template <class Distance>
   fusion_summary operator()(Map& map, span<const duplicate<Distance>> plan, span<const keyframe> targets,
@@ -100,7 +100,7 @@ class fusion_commit {
       actions_[i] =
           apply(map, points[static_cast<std::size_t>(entry.point)], targets[static_cast<std::size_t>(entry.target)],
                 static_cast<std::size_t>(entry.keypoint), options, faults);
-      count(summary, actions_[i]);
+      if (actions_[i] != fusion_action::refused) count(summary, actions_[i]);
     }
     return summary;
   }
@@ -126,6 +126,7 @@ class fusion_commit {
              span<const point> points, fault_sink faults) {
     std::size_t views = 0;
     checked_.clear(), sound_.clear(), looked_at_.clear(), slots_looked_at_.clear(), alive_.clear();
+    looks_at_all_slots_ = faults.throws();  // before the first change
     for (std::size_t i = 0; i < plan.size(); ++i) {
       const auto& entry = plan[i];
       require(entry.target >= 0 && static_cast<std::size_t>(entry.target) < targets.size(), "plan[].target",
@@ -195,22 +196,24 @@ class fusion_commit {
     if (looked_at_.place(map, p) != known) return;
     look_at_list(map, p);
     slots_looked_at_.push_back(0);
+    if (looks_at_all_slots_) look_at_slots_once(map, p);
   }
-  void look_at_slots_once(const Map& map, point p) {
+  /// \return whether they had not been looked at
+  bool look_at_slots_once(const Map& map, point p) {
     look_once(map, p);
-    std::uint8_t& looked_at = slots_looked_at_[looked_at_.place(map, p)];
-    if (looked_at == 0) look_at_slots_of(map, p, alive_);
-    looked_at = 1;
+    const std::size_t at = looked_at_.place(map, p);
+    if (slots_looked_at_[at] != 0) return false;
+    slots_looked_at_[at] = 1;
+    look_at_slots_of(map, p, alive_);
+    return true;
   }
   /// Whether a point may go in a merge. In a copy of the user's map, the slots of those that the entries before made the lesser of
   /// two have not been looked at.
-  bool may_go(const Map& map, [[maybe_unused]] point p, [[maybe_unused]] fault_sink faults) {
+  bool may_go([[maybe_unused]] const Map& map, [[maybe_unused]] point p, [[maybe_unused]] fault_sink faults) {
     if constexpr (is_copy_v<Map>) {
-      const std::size_t known = looked_at_.find(map, p);
-      if (known == point_numbering<Map>::none || slots_looked_at_[known] == 0) {
-        look_at_slots_once(map, p);
-        return require_consistent(map, p, faults);
-      }
+      std::uint8_t& sound = sound_[checked_.find(map, p)];  // an entry that is applied has had its points checked
+      if (look_at_slots_once(map, p)) sound = require_consistent(map, p, faults) ? 1 : 0;
+      return sound != 0;
     }
     return true;
   }
@@ -266,9 +269,10 @@ class fusion_commit {
 
   point_numbering<Map> looked_at_;              ///< in a copy of the user's map: points that were looked at
   plain_vector<std::uint8_t> slots_looked_at_;  ///< of each of them: so were its slots
-  list_of<keyframe> alive_;                     ///< see look_at_slots_of()
-  point_numbering<Map> checked_;                ///< points that were checked
-  plain_vector<std::uint8_t> sound_;            ///< of each of them
+  bool looks_at_all_slots_ = false;
+  list_of<keyframe> alive_;           ///< see look_at_slots_of()
+  point_numbering<Map> checked_;      ///< points that were checked
+  plain_vector<std::uint8_t> sound_;  ///< of each of them
   plain_vector<fusion_action> actions_;
   list_of<point> touched_, survivors_;
   list_of<view> scratch_;  ///< of a point that is merged
