@@ -44,7 +44,6 @@ struct turbomap::map_traits<turbomap_test::looked_map> : turbomap::map_traits<tu
   static void look_again(const map&, keyframe) {}
   static void look_again(const map&, keyframe, std::size_t) {}
   static void look_at_position(const map&, point) {}
-  static void look_whether_alive(const map&, point) {}
   static void ask_for_state(const map&, point) {}
   static void ask_for(const map&, point) {}
   static void forget_copy(const map&) {}

@@ -174,18 +174,18 @@ struct compute_appearance {
       for (int j = 0; j < n; ++j) geometry.add(geometry.look(i, seen[j]), sum);
       geometry.invert(sum, p);
     }
-    if (descriptors != nullptr) represent(i, seen, n, p);
+    if (descriptors != nullptr) represent(i, p);
     points[i] = p;
   }
 
  private:
+  observed_descriptors<Descriptor, Camera> descriptors_of(int i) const {
+    const int first = in.observation_offset[i], n = in.observation_offset[i + 1] - first;
+    return {in.keyframes, in.observations + first, chosen_views(n, in.most_views)};
+  }
   void prefetch(int i) const {
-    const point_observation* seen = in.observations + in.observation_offset[i];
-    const chosen_views chosen(in.observation_offset[i + 1] - in.observation_offset[i], in.most_views);
-    for (int j = 0; j < chosen.count; ++j) {
-      const point_observation& o = seen[chosen(j)];
-      prefetch_line(in.keyframes[o.keyframe].descriptor_of(o.keypoint));
-    }
+    const auto all = descriptors_of(i);
+    for (int j = 0; j < all.chosen.count; ++j) prefetch_line(all(j));
   }
   void measure(const appearance_geometry<Descriptor, Camera>& geometry, int i, const point_observation* seen, int n,
                point_appearance& p) const {
@@ -202,17 +202,16 @@ struct compute_appearance {
     }
     geometry.measure(i, chosen.count, sum, keypoint, p);
   }
-  void represent(int i, const point_observation* seen, int n, point_appearance& p) const {
+  void represent(int i, point_appearance& p) const {
     typename Descriptor::element* mine = descriptors + static_cast<std::size_t>(i) * Descriptor::elements;
-    const chosen_views chosen(n, in.most_views);
-    const observed_descriptors<Descriptor, Camera> all{in.keyframes, seen, chosen};
-    if (n == 0) {
+    const auto all = descriptors_of(i);
+    if (all.chosen.count == 0) {
       std::memset(static_cast<void*>(mine), 0, Descriptor::bytes);
       return;
     }
-    const int medoid = medoid_with_table<Descriptor>(chosen.count, all);
+    const int medoid = medoid_with_table<Descriptor>(all.chosen.count, all);
     std::memcpy(static_cast<void*>(mine), all(medoid), Descriptor::bytes);
-    p.medoid = chosen(medoid);
+    p.medoid = all.chosen(medoid);
   }
 };
 

@@ -264,13 +264,14 @@ int medoid_with_table(int n, const Descriptors& descriptors) {
   // shorter than for one after the other.
   constexpr bool copied = Descriptor::bytes <= 64;
   alignas(32) element copies[copied ? (most + more) * Descriptor::elements : 1];
+  const element* places[copied ? 1 : most];
   if constexpr (copied) {
     for (int i = 0; i < n; ++i)
       std::memcpy(static_cast<void*>(copies + i * Descriptor::elements), descriptors(i), Descriptor::bytes);
     std::memset(static_cast<void*>(copies + n * Descriptor::elements), 0, more * Descriptor::bytes);
+  } else {
+    for (int i = 0; i < n; ++i) places[i] = descriptors(i);
   }
-  const element* places[copied ? 1 : most];
-  for (int i = 0; !copied && i < n; ++i) places[i] = descriptors(i);
   for (int i = 0; i < n; ++i) {
     key* row = table + i * stride;
     if constexpr (copied)

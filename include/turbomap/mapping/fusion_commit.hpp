@@ -198,12 +198,11 @@ class fusion_commit {
     slots_looked_at_.push_back(0);
     if (looks_at_all_slots_) look_at_slots_once(map, p);
   }
-  /// \return whether they had not been looked at
+  /// \param p  has been looked at  \return whether its slots had not been
   bool look_at_slots_once(const Map& map, point p) {
-    look_once(map, p);
-    const std::size_t at = looked_at_.place(map, p);
-    if (slots_looked_at_[at] != 0) return false;
-    slots_looked_at_[at] = 1;
+    std::uint8_t& looked_at = slots_looked_at_[looked_at_.find(map, p)];
+    if (looked_at != 0) return false;
+    looked_at = 1;
     look_at_slots_of(map, p, alive_);
     return true;
   }
@@ -211,7 +210,8 @@ class fusion_commit {
   /// two have not been looked at.
   bool may_go([[maybe_unused]] const Map& map, [[maybe_unused]] point p, [[maybe_unused]] fault_sink faults) {
     if constexpr (is_copy_v<Map>) {
-      std::uint8_t& sound = sound_[checked_.find(map, p)];  // an entry that is applied has had its points checked
+      // The points of an entry that is applied have been looked at and checked.
+      std::uint8_t& sound = sound_[checked_.find(map, p)];
       if (look_at_slots_once(map, p)) sound = require_consistent(map, p, faults) ? 1 : 0;
       return sound != 0;
     }

@@ -17,6 +17,7 @@
 #include "../../inertial/imu_history.hpp"
 #include "../../inertial/preintegration.hpp"
 #include "../../math/rotation.hpp"
+#include "../../plain_vector.hpp"
 #include "../inertial_traits.hpp"
 #include "simple_map.hpp"
 
