@@ -39,15 +39,14 @@
 ///
 /// See docs/inertial.md and examples/07_stereo_inertial.cpp.
 
-#include <type_traits>
-#include <utility>
-
 #include "../config.hpp"
 #include "../inertial/inertial_window_options.hpp"
 #include "../inertial/merge.hpp"
 #include "../inertial/preintegration.hpp"
 #include "../math/functions.hpp"
+#include "inertial_members.hpp"
 #include "map_traits.hpp"
+#include "require_inertial_traits.hpp"
 
 namespace turbomap {
 
@@ -58,8 +57,6 @@ struct inertial_traits {
 };
 
 }  // namespace turbomap
-
-#include "require_inertial_traits.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 

@@ -11,7 +11,8 @@
 
 #include "../config.hpp"
 #include "../traits.hpp"
-#include "map_traits.hpp"
+#include "../types.hpp"
+#include "map_members.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
 

@@ -6,9 +6,7 @@
 /// Whether a specialisation of map_traits is right, member by member: `static_assert(require_map_traits<my::Map>());`. Where it is
 /// not, the error names the member as it should be; beside it the compiler prints what it found there: fits<what it gives, what
 /// it should give>, or no_such_function. An optional member that cannot be called, and a function whose name looks like that of
-/// an optional member, are errors too: else a map would be used without its guard, and nobody would know.
-///
-/// Included by map_traits.hpp.
+/// an optional member, are errors too: else a map would be used without its guard, and nobody would know. A part of map_traits.hpp.
 
 #include <cstddef>
 #include <cstdint>
@@ -18,7 +16,7 @@
 #include "../config.hpp"
 #include "../traits.hpp"
 #include "../types.hpp"
-#include "map_traits.hpp"
+#include "map_members.hpp"
 #include "optional_traits.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE

@@ -15,6 +15,7 @@
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../plain_vector.hpp"
+#include "../span.hpp"
 #include "../traits.hpp"
 #include "../types.hpp"
 #include "keyframe_view.hpp"

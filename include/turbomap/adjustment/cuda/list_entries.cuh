@@ -11,7 +11,7 @@
 #include "../../config.hpp"
 #include "../../cuda/warp.cuh"
 #include "../../parallel.hpp"
-#include "../order_observations.hpp"
+#include "../observation_lists.hpp"
 #include "sort_observations.cuh"
 
 TURBOMAP_BEGIN_NAMESPACE

@@ -13,7 +13,7 @@
 #include "../../cuda/last_block.cuh"
 #include "../../cuda/warp.cuh"
 #include "../../parallel.hpp"
-#include "../order_observations.hpp"
+#include "../observation_lists.hpp"
 #include "tuning.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
