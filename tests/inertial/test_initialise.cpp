@@ -135,6 +135,24 @@ TEST_CASE("200 random motions of one camera: initialised within 15 s, the scale 
   CHECK(std::sqrt(squares / 200) < 1.3);  // the standard deviation is one
 }
 
+TEST_CASE("poses in any unit: millimetres, or hundreds of kilometres") {
+  for (const double unit : {1e4, 1e3, 1e-3, 1e-5})
+    for (unsigned seed = 0; seed < 10; ++seed) {
+      CAPTURE(unit);
+      CAPTURE(seed);
+      const auto m = make_motion(1000 + seed, motion_kind::lively, 15, 1);
+      auto other = m;
+      for (auto& T : other.T_cw) T.tx *= unit, T.ty *= unit, T.tz *= unit;
+      imu_bias<double> bias{};
+      const auto found = initialise(m, m.T_cw.size(), options_of(true), bias);
+      const auto in_unit = initialise(other, m.T_cw.size(), options_of(true), bias = {});
+      REQUIRE(found.end == initialisation_end::initialised);
+      CHECK(in_unit.end == found.end);
+      CHECK(in_unit.scale * unit == doctest::Approx(found.scale).epsilon(1e-3));
+      CHECK(in_unit.position_sigma == doctest::Approx(unit * found.position_sigma).epsilon(0.05));
+    }
+}
+
 TEST_CASE("what does not tell the scale: not initialised") {
   for (const auto kind : {motion_kind::still, motion_kind::constant_velocity, motion_kind::pure_rotation,
                           motion_kind::rotation_at_constant_velocity})

@@ -328,6 +328,16 @@ TEST_CASE("a new bias is taken by the derivatives, or by integrating again") {
   const imu_bias<double> near{{0.051, -0.02, 0}, {0, 0.01, 0.4}};
   CHECK_FALSE(imu.set_bias(near));
   CHECK(turbomap::same_bias(imu.advance(m.t_ns[220]).bias, near));
+  const imu_bias<double> nearer{{0.052, -0.02, 0}, {0, 0.01, 0.4}};  // near: this motion stays, the next one has it
+  CHECK_FALSE(imu.set_bias(nearer));
+  CHECK(turbomap::same_bias(imu.value().bias, near));
+  imu.restart(m.t_ns[220]);
+  CHECK(turbomap::same_bias(imu.advance(m.t_ns[240]).bias, nearer));
+  imu.clear();  // a clock that was set back
+  CHECK_THROWS_AS(imu.advance(m.t_ns[250]), std::invalid_argument);
+  for (std::size_t i = 0; i < 50; ++i) imu.push(m.t_ns[i], m.sample[i]);
+  imu.restart(m.t_ns[2]);
+  CHECK(turbomap::same_bias(imu.advance(m.t_ns[40]).bias, nearer));
   CHECK_THROWS_AS(imu.set_bias({{NAN, 0, 0}, {}}), std::invalid_argument);
   CHECK_NOTHROW(imu_integrator<double>({}, {{1e308, 1e308, 0}, {}}));  // each number is finite
 }

@@ -33,14 +33,16 @@ struct inertial_recipe {
   int keyframes = 14, points_per_keyframe = 20;
   unsigned seed = 1;
   double pixel_noise = 0.5, outliers = 0;
+  int begins_anew = 0;                 ///< the keyframe that none comes before, as after tracking was lost
+  std::int64_t step_ns = 250'000'000;  ///< between keyframes
 };
 
-/// Keyframes every 0.25 s on a lively motion; each has points before it, which the others see where they can. Velocities and
+/// Keyframes, every 0.25 s if not told otherwise, on a lively motion; each has points before it, which the others see where they can. Velocities and
 /// biases of the map are a little off, poses and points too.
 struct inertial_map_scene {
   using keyframe = turbomap::map_keyframe_id;
   using point = turbomap::map_point_id;
-  static constexpr std::int64_t step_ns = 250'000'000;
+  std::int64_t step_ns;
 
   std::vector<turbomap::rig_camera<inertial_pinhole>> rig{{{435, 436, 367, 252}, {}, 47.9, {}}};
   imu_motion imu;
@@ -63,7 +65,7 @@ struct inertial_map_scene {
   }
 
   explicit inertial_map_scene(const inertial_recipe& r = {})
-      : imu(make_imu_motion(r.seed, 60 * r.keyframes, 0)), map(8, body_pose(r.seed)) {
+      : step_ns(r.step_ns), imu(make_imu_motion(r.seed, 60 * r.keyframes, 0)), map(8, body_pose(r.seed)) {
     using turbomap::operator*;
     using turbomap::operator+;
     std::mt19937_64 random(r.seed + 1000);
@@ -109,7 +111,7 @@ struct inertial_map_scene {
       for (int i = 0; i < 15; ++i) error[i] = (i < 6 ? 0.01 : i < 9 ? 0.05 : i < 12 ? 1e-3 : 0.02) * normal(random);
       const auto start = f == 0 ? T : turbomap::move_state(error, T);
       const auto k = map.add_keyframe(keypoints, start.T_cw, 1e-9 * static_cast<double>(f * step_ns),
-                                      f == 0 ? keyframe{} : keyframes.back());
+                                      f == 0 || f == r.begins_anew ? keyframe{} : keyframes.back());
       keyframes.push_back(k);
       map.set_velocity(k, start.velocity), map.set_bias(k, start.bias);
       if (f > 0) {

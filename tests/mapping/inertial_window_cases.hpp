@@ -253,10 +253,11 @@ void check_refused(const Policy& policy) {
   options.solve.stop = &stop;
   CHECK(run(13, options).solve.end == turbomap::adjustment_end::stopped);
   CHECK(run.adjust(run.scope(), {}, {}).stale);
-  const char* const names[] = {"options.window.keyframes", "options.large.iterations", "options.window.initial_lambda",
-                               "options.most_observers",   "options.max_time_error",   "options.large.robust_chi2",
-                               "options.max_force",        "options.max_force"};
-  for (int bad = 0; bad < 8; ++bad) {
+  const char* const names[] = {
+      "options.window.keyframes", "options.large.iterations", "options.window.initial_lambda",
+      "options.most_observers",   "options.max_time_error",   "options.large.robust_chi2",
+      "options.max_force",        "options.max_force",        "options.window.oldest_edge_weight"};
+  for (int bad = 0; bad < 9; ++bad) {
     turbomap::inertial_adjustment_options o;
     if (bad == 0) o.window.keyframes = 0;
     if (bad == 1) o.large.iterations = 0;
@@ -266,6 +267,7 @@ void check_refused(const Policy& policy) {
     if (bad == 5) o.large.robust_chi2 = 0;
     if (bad == 6) o.max_force = 0;
     if (bad == 7) o.max_force = nan_value;
+    if (bad == 8) o.window.oldest_edge_weight = 0;
     CHECK_THROWS_WITH_AS(run(13, {}, o), doctest::Contains(names[bad]), std::invalid_argument);
   }
   s.map.set_gravity({0, nan_value, -9.81});

@@ -270,6 +270,71 @@ TEST_CASE("where the keyframe before cannot be used, the window ends in a fixed 
   }
 }
 
+/// The position error of a keyframe that was set 5 cm off, before and after the adjustment of another one.
+double corrected_by(inertial_map_scene& s, int off, int current, const turbomap::inertial_adjustment_options& options,
+                    bool knows_previous = true) {
+  auto T = s.map.T_cw(s.keyframes[static_cast<std::size_t>(off)]);
+  T.tx += 0.05;
+  s.map.set_pose(s.keyframes[static_cast<std::size_t>(off)], T);
+  const double before = s.position_error(off, off + 1);
+  inertial_run<sequential> run(sequential{}, s);
+  if (!knows_previous) run.stored.erase(inertial_map_traits::id(s.map, s.keyframes[static_cast<std::size_t>(off - 1)]));
+  run(current, exact(), options);
+  return s.position_error(off, off + 1) / before;
+}
+
+TEST_CASE("a chain that begins anew in the middle of a map is held by the keyframes that see its points") {
+  inertial_recipe recipe{14, 30, 1};
+  recipe.step_ns = 20'000'000;  // they see the same points
+  const inertial_map_scene whole(recipe);
+  recipe.begins_anew = 10;
+  for (const int current : {10, 13}) {
+    CAPTURE(current);
+    inertial_map_scene s(recipe), alone(recipe);
+    CHECK(corrected_by(s, 10, current, window_of(10)) < 0.5);
+    CHECK(corrected_by(alone, 10, current, window_of(10, 0)) == 1);  // nothing else would hold it
+  }
+  inertial_map_scene s = whole, origin = whole;
+  CHECK(corrected_by(s, 13, 13, window_of(10), false) < 0.5);
+  CHECK(corrected_by(origin, 0, 5, window_of(10), true) == 1);  // all keyframes that see it move
+}
+
+TEST_CASE("biases that do not walk are held by each other, not left free") {
+  for (const bool gyro : {false, true}) {
+    inertial_map_scene s({14, 60, 1});
+    turbomap::preintegration_options options;
+    (gyro ? options.noise.gyro_walk : options.noise.acceleration_walk) = 0;
+    const auto bias = s.truth[0].bias;
+    for (std::size_t f = 0; f < 14; ++f) {
+      s.map.set_bias(s.keyframes[f], bias);
+      if (f == 0) continue;
+      const auto h = s.samples_between(static_cast<int>(f) - 1, static_cast<int>(f));
+      s.map.set_motion(s.keyframes[f], turbomap::preintegrate(h, bias, options), h);
+    }
+    const auto summary = inertial_run<sequential>(sequential{}, s)(13, exact(), window_of(10));
+    CHECK(summary.solve.accepted > 0);
+    CHECK(summary.solve.undetermined == 0);
+    for (std::size_t f = 4; f < 14; ++f) {
+      CHECK(turbomap::norm(s.map.bias(s.keyframes[f]).gyro - bias.gyro) < 0.02);
+      CHECK(turbomap::norm(s.map.bias(s.keyframes[f]).acceleration - bias.acceleration) < 0.2);
+    }
+  }
+}
+
+TEST_CASE("quaternions that are not quite of length 1, as floats give them, mean the same") {
+  inertial_map_scene s, same;
+  for (const auto& k : s.keyframes) {
+    auto T = s.map.T_cw(k);
+    const double scale = 1 + 4e-4;
+    T.qx *= scale, T.qy *= scale, T.qz *= scale, T.qw *= scale;
+    s.map.set_pose(k, T);
+  }
+  inertial_run<sequential>(sequential{}, s)(13, exact(), window_of(8));
+  inertial_run<sequential>(sequential{}, same)(13, exact(), window_of(8));
+  CHECK(s.position_error(6, 14) == doctest::Approx(same.position_error(6, 14)).epsilon(1e-6));
+  CHECK(s.velocity_error(6, 14) == doctest::Approx(same.velocity_error(6, 14)).epsilon(1e-6));
+}
+
 TEST_CASE_TEMPLATE("changed meanwhile: nothing is written", Policy, TURBOMAP_TEST_POLICIES) {
   check_changed_meanwhile(Policy{});
 }

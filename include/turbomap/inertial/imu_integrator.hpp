@@ -34,7 +34,7 @@ class imu_integrator {
       : options_(options) {
     detail::check_preintegration_options(options);
     detail::check_bias("bias", bias);
-    value_.bias = bias;
+    value_.bias = bias_ = bias;
   }
 
   /// Adds a sample.
@@ -60,9 +60,15 @@ class imu_integrator {
     history_.sample.erase(history_.sample.begin(), history_.sample.begin() + drop);
     history_.pieces.clear();
     now_ns_ = t_ns, started_ = true;
-    const imu_bias<S> bias = value_.bias;
     value_ = {};
-    value_.bias = bias;
+    value_.bias = bias_;
+  }
+  /// For a clock that was set, or a sample of a time that cannot be: forgets all samples, and needs restart() again. The bias stays.
+  void clear() {
+    history_.t_ns.clear(), history_.sample.clear(), history_.pieces.clear();
+    value_ = {};
+    value_.bias = bias_;
+    started_ = false;
   }
 
   /// Goes on to a time (a frame) and returns the motion since restart(). O(samples since the last call).
@@ -80,16 +86,17 @@ class imu_integrator {
   }
 
   /// Takes a new estimate of the bias. Where it is far from the old one (preintegration_options), the motion since
-  /// restart() is integrated again; otherwise it stays, and corrected() takes it there. Where there is no motion yet, it is
-  /// the bias of the next one. Returns whether it was integrated again.
+  /// restart() is integrated again; otherwise it stays, and corrected() takes it there. Motions from the next restart() on have
+  /// it anyway, and this one where there is no motion yet. Returns whether it was integrated again.
   bool set_bias(const imu_bias<S>& bias) {
     detail::check_bias("bias", bias);
     if (history_.pieces.empty()) {
-      value_.bias = bias;
+      value_.bias = bias_ = bias;
       return false;
     }
-    if (!needs_integration(value_, bias, options_)) return false;
+    if (!needs_integration(value_, bias, options_)) return bias_ = bias, false;
     value_ = preintegrate(history_, bias, options_);
+    bias_ = bias;
     return true;
   }
 
@@ -102,6 +109,7 @@ class imu_integrator {
   preintegration_options options_;
   imu_history history_;
   preintegration<S> value_;
+  imu_bias<S> bias_;  ///< as given last
   std::int64_t now_ns_ = 0;
   bool started_ = false;
 };

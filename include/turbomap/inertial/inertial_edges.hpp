@@ -35,7 +35,7 @@ class inertial_edges {
   /// What the IMU measured from a frame to the next one.
   /// \param first,second  places of the frames in the problem   \param oldest  whether no edge of the window comes before it
   /// \return false where its covariance has no inverse (a single step of the sensor). The inertial factor is then left out;
-  ///         the walk of the biases is added all the same, if they walk.
+  ///         the walk of the biases is added all the same.
   /// \throws std::invalid_argument  an option is out of range
   bool add(std::int32_t first, std::int32_t second, const preintegration<double>& motion, bool oldest,
            const inertial_window_options& options) {

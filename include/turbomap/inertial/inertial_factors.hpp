@@ -144,10 +144,14 @@ inline bool make_inertial_row(const preintegration<double>& motion, double weigh
   return true;
 }
 
-/// \return false: the biases do not walk (variance 0 or less): they are one unknown then, which a factor cannot say
+/// Of biases that do not walk, or less than 1e-6 (rad/s, m/s^2) / sqrt(s), it says that they walk so much: a factor cannot say that
+/// two are one unknown, and one of far more weight than all others holds them where they begin.
+/// \return false: the motion has no duration
 inline bool make_walk_row(const preintegration<double>& motion, bias_walk_factor::row& row) {
-  if (!(motion.gyro_walk > 0) || !(motion.acceleration_walk > 0)) return false;
-  row.gyro = 1 / std::sqrt(motion.gyro_walk), row.acceleration = 1 / std::sqrt(motion.acceleration_walk);
+  const double least = 1e-12 * motion.dt;
+  if (!(least > 0)) return false;
+  const auto weight = [least](double variance) { return 1 / std::sqrt(variance > least ? variance : least); };
+  row.gyro = weight(motion.gyro_walk), row.acceleration = weight(motion.acceleration_walk);
   return true;
 }
 

@@ -15,8 +15,10 @@
 
 #include "../config.hpp"
 #include "../error.hpp"
+#include "../math/functions.hpp"
 #include "../math/number_checks.hpp"
 #include "../math/rotation.hpp"
+#include "../plain_vector.hpp"
 #include "../span.hpp"
 #include "initialisation_check.hpp"
 #include "initialisation_options.hpp"
@@ -24,6 +26,30 @@
 #include "preintegration.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+
+/// The estimate begins with a scale of 1: poses that move faster than 10 or slower than 0.1 of their units per second, of a map in
+/// millimetres for example, are estimated in another unit, in which they move by one.
+inline void estimate_in_metres(span<const rigid_transform<double>> T_cw, span<const preintegration<double>> motion,
+                               const isometry<double>& T_bc, const initialisation_options& options,
+                               initialisation& found) {
+  double path = 0;
+  for (std::size_t k = 1; k < T_cw.size(); ++k)
+    path += norm(camera_centre(to_isometry<double>(normalised(T_cw[k]))) -
+                 camera_centre(to_isometry<double>(normalised(T_cw[k - 1]))));
+  const double unit = path / found.seconds;
+  if (!options.monocular || !(unit > 0) || !is_finite(1 / unit) || (unit >= 0.1 && unit <= 10))
+    return initialiser(T_cw, motion, T_bc, options).run(found);
+  plain_vector<rigid_transform<double>> T(T_cw.size());
+  for (std::size_t k = 0; k < T.size(); ++k) T[k] = T_cw[k], T[k].tx /= unit, T[k].ty /= unit, T[k].tz /= unit;
+  initialisation_options in_that = options;
+  in_that.position_sigma /= unit;
+  initialiser(T, motion, T_bc, in_that).run(found);
+  found.scale /= unit, found.position_sigma *= unit;
+}
+
+}  // namespace detail
 
 /// Estimates gravity, velocities, biases and, for one camera, the scale from keyframes in the order of time.
 /// \param T_cw     poses in the visual world, in metres, or, options.monocular, in any unit
@@ -56,7 +82,7 @@ inline initialisation initialise_inertial(span<const rigid_transform<double>> T_
   } else if (found.seconds < options.min_seconds) {
     found.end = initialisation_end::too_short;
   } else {
-    detail::initialiser(T_cw, motion, T_bc, options).run(found);
+    detail::estimate_in_metres(T_cw, motion, T_bc, options, found);
   }
   return found;
 }

@@ -37,11 +37,10 @@ class initialiser {
       : T_cw_(T_cw), motion_(motion), T_bc_(T_bc), options_(options), edges_(T_cw, motion, T_bc) {}
 
   void run(initialisation& found) {
-    if (!estimate(found)) return;
+    if (!estimate(found) || !is_likely(found.bias)) return;
     const preintegration_options limits;
     for (const auto& p : motion_)
-      found.integrate_again =
-          found.integrate_again || (is_finite(sum_of(found.bias)) && needs_integration(p, found.bias, limits));
+      found.integrate_again = found.integrate_again || needs_integration(p, found.bias, limits);
   }
 
  private:
@@ -63,8 +62,11 @@ class initialiser {
     judge(found, converged);
     return true;
   }
-  static double sum_of(const imu_bias<double>& b) {
-    return b.gyro.x + b.gyro.y + b.gyro.z + b.acceleration.x + b.acceleration.y + b.acceleration.z;
+  /// A bias of many deviations is that of poses that are wrong, not of the sensor.
+  bool is_likely(const imu_bias<double>& b) const {
+    constexpr double most = 5;
+    return norm(b.gyro - options_.bias.gyro) <= most * options_.gyro_bias_sigma &&
+           norm(b.acceleration - options_.bias.acceleration) <= most * options_.acceleration_bias_sigma;
   }
 
   /// Gravity from the mean of what was measured, everything else from nothing.

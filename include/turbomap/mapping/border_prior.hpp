@@ -56,7 +56,7 @@ class border_prior {
             const inertial_window_options& options) {
     forget();
     const std::size_t count = window.chain();
-    if (count == 0) return;
+    if (count < 2) return;  // of a keyframe alone nothing was learnt
     states_.append(states.data(), count);
     held_.append(window.held().data(), count), seen_ = seen;
     if (window.prior() != nullptr)

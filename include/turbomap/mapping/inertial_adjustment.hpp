@@ -43,6 +43,8 @@ inline void check(const inertial_adjustment_options& o) {
       reject(name + ".initial_lambda", w.initial_lambda, "must be finite and not negative");
     if (!(w.robust_chi2 > 0 && detail::is_finite(w.robust_chi2)))
       reject(name + ".robust_chi2", w.robust_chi2, "must be finite and positive");
+    if (!(w.oldest_edge_weight > 0 && w.oldest_edge_weight <= 1))
+      reject(name + ".oldest_edge_weight", w.oldest_edge_weight, "must be in (0, 1]");
   };
   check_window("options.window", o.window), check_window("options.large", o.large);
   require(o.most_observers >= 0, "options.most_observers", o.most_observers, "must not be negative");

@@ -21,6 +21,8 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// Keyframes before those that it takes get the bias, and velocities by their poses, the first time.
+///
 /// Needs inertial_traits with
 ///
 ///     static void set_gravity(my::Map&, const turbomap::vec3<double>&);
@@ -71,6 +73,7 @@ class inertial_initialisation {
  private:
   initialisation estimate(Map& map, const keyframe& current, const initialisation_options& options) {
     snapshot(map, current, options);
+    if (stale_) return {};
     return initialise_inertial(T_cw_, motions_, T_bc_, options);
   }
   /// Integrates the samples again at the bias that was found. \return whether a motion is another now: a map may have no samples,
@@ -137,6 +140,7 @@ class inertial_initialisation {
   void commit(Map& map, bool scale) {
     [[maybe_unused]] const auto guard = map_guard(map);
     if (!unchanged(map)) return;
+    const bool first = !inertial::initialised(map);
     if (scale) {
       if constexpr (detail::map_has_v<Map, detail::map_all_member>)
         scale_map(map, found_.scale);
@@ -150,7 +154,36 @@ class inertial_initialisation {
       if (i > 0) tell(map, keyframes_[i], found_.bias);
     }
     tell(map, traits::next(map, keyframes_.back()), found_.bias);
+    if (first) reach_back(map);
     inertial::set_initialised(map, true);
+  }
+  /// Keyframes before those of the estimate get its bias, and velocities by their poses: an adjustment takes the state of any keyframe
+  /// of an initialised map for an estimate.
+  void reach_back(Map& map) {
+    keyframe after = keyframes_.front();
+    isometry<double> T_after = body(map, after);
+    for (double time = traits::time(map, after);;) {
+      const keyframe k = traits::previous(map, after);
+      if (k == keyframe{} || !traits::alive(map, k)) return;
+      const double earlier = traits::time(map, k), dt = time - earlier;
+      if (!(dt > 0)) return;  // no time: the keyframes may run in a circle
+      tell(map, after, found_.bias);
+      const isometry<double> T = body(map, k);
+      vec3<double> moved = T_after.t - T.t;
+      preintegration<double> motion;
+      if (inertial::motion(map, after, motion) && detail::is_usable(motion)) {
+        const vec3<double> dP = corrected(motion, found_.bias).dP;
+        moved = moved - (0.5 * dt * dt) * found_.gravity - T.R * dP;
+      }
+      const vec3<double> velocity = (1 / dt) * moved;
+      inertial::set_velocity(map, k, detail::is_finite(velocity) ? velocity : vec3<double>{0, 0, 0});
+      inertial::set_bias(map, k, found_.bias);
+      after = k, T_after = T, time = earlier;
+    }
+  }
+  /// Where the IMU is, and how it is turned, in the world.
+  isometry<double> body(const Map& map, const keyframe& k) const {
+    return inverse(T_bc_ * to_isometry<double>(normalised(pose_of(map, k))));
   }
   /// The bias before the interval of a keyframe is another now.
   static void tell([[maybe_unused]] Map& map, [[maybe_unused]] const keyframe& after,
@@ -194,7 +227,7 @@ class inertial_initialisation {
   list_of<keyframe> keyframes_;
   plain_vector<rigid_transform<double>> T_cw_;
   plain_vector<preintegration<double>> motions_;
-  isometry<double> T_bc_;
+  isometry<double> T_bc_{identity3<double>(), {0, 0, 0}};
 };
 
 TURBOMAP_END_NAMESPACE

@@ -6,6 +6,7 @@
 /// What an inertial adjustment takes of the user's map: the last keyframes in time, which move, the one before them and other
 /// observers of their points, which hold them in place, and what the IMU measured from each to the next.
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -16,6 +17,7 @@
 #include "../map/inertial_traits.hpp"
 #include "../map/map_traits.hpp"
 #include "../map/read_ahead.hpp"
+#include "../math/rotation.hpp"
 #include "../plain_vector.hpp"
 #include "adjustment_window.hpp"
 #include "border_prior.hpp"
@@ -29,7 +31,8 @@ TURBOMAP_BEGIN_NAMESPACE
 /// of them, the keyframe before those that move, is fixed, unless a border_prior knows of it: then it moves, too. Where the
 /// map begins with them, the oldest one keeps its pose, and until there are options.fewest_edges its biases. While the
 /// estimates are young (refined() of the traits), it keeps its place alone: the map may turn until gravity points where the
-/// map says.
+/// map says. Where the chain begins anew in the middle of a map (nothing came before it, or it is the current keyframe alone, as the
+/// one before cannot be used), its oldest frame moves too, once other keyframes that see its points hold it in place.
 template <class Map>
 class inertial_window : public adjustment_window<Map> {
   using base = adjustment_window<Map>;
@@ -70,6 +73,7 @@ class inertial_window : public adjustment_window<Map> {
       if (!told) held_[border] |= inertial_frame::hold_biases;
     }
     this->local_ = chain_ - (this->fixed_[border] != 0 ? 1 : 0);
+    if (chain_ == 1) this->local_ = 1;  // its points say which keyframes hold it
     most_observers_ = static_cast<std::size_t>(options.most_observers);
   }
   /// Reads the points of the frames that move, other observers of them, and their observations: the next `most` slots or points.
@@ -103,6 +107,7 @@ class inertial_window : public adjustment_window<Map> {
       states_.push_back({T_cw[f], {}, {}});
       held_.push_back(inertial_frame::visual_only);
     }
+    free_oldest(s.map);
     return false;
   }
   /// Whether somebody has moved a keyframe of the window since it was read: velocities and gravity may be others too, so the
@@ -144,7 +149,8 @@ class inertial_window : public adjustment_window<Map> {
       const bool fixed = chain_ == wanted;
       if (this->add_frame(s.map, s.stored, k, fixed, s.faults) != chain_)
         break;  // met before: the times run in a circle
-      inertial_state<double> x{this->frames_.T_cw()[chain_], inertial::velocity(s.map, k), inertial::bias(s.map, k)};
+      inertial_state<double> x{unit(this->frames_.T_cw()[chain_]), inertial::velocity(s.map, k),
+                               inertial::bias(s.map, k)};
       if (!detail::is_finite(x.velocity) || !detail::is_finite(x.bias)) {
         s.faults({map_fault::bad_inertial_state, traits::id(s.map, k), 0, 0});
         x.velocity = {0, 0, 0}, x.bias = {};
@@ -161,6 +167,11 @@ class inertial_window : public adjustment_window<Map> {
       k = before;
     }
     if (chain_ > 0) this->fixed_[chain_ - 1] = 1;
+  }
+  /// A quaternion of a float system is not quite of length 1. Visual rows normalise it, inertial ones do not.
+  static rigid_transform<double> unit(const rigid_transform<double>& T) {
+    const double square = T.qx * T.qx + T.qy * T.qy + T.qz * T.qz + T.qw * T.qw;
+    return std::abs(square - 1) > 1e-14 ? normalised(T) : T;
   }
   /// The edges of the chain, and what is held of its frames.
   template <class Policy>
@@ -197,6 +208,18 @@ class inertial_window : public adjustment_window<Map> {
     return false;
   }
 
+  /// Of a chain that others hold in place the oldest frame moves, too. One of them would leave the scale of a single camera free.
+  void free_oldest(const Map& map) {
+    if (chain_ == 0) return;
+    const std::size_t border = chain_ - 1;
+    const bool is_held = this->frames_.size() >= chain_ + 2 && !base::is_origin(map, this->frames_[border]);
+    if (chain_ == 1) {
+      this->fixed_[0] = is_held ? 0 : 1;
+      this->local_ = is_held ? 1 : 0;
+    } else if (is_held && begins_ && !prior_) {
+      held_[border] &= ~inertial_frame::hold_pose;
+    }
+  }
   template <class Policy>
   void take_point(const mapping_scope<Map, Policy>& s, point p) {
     std::size_t number;

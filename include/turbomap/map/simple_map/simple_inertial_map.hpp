@@ -149,7 +149,7 @@ struct inertial_traits<simple_inertial_map<Descriptor, Camera>> {
   }
   static void set_velocity(map& m, keyframe k, const vec3<double>& velocity) { m.set_velocity(k, velocity); }
   static void set_bias(map& m, keyframe k, const imu_bias<double>& bias) { m.set_bias(k, bias); }
-  static void set_motion(map& m, keyframe k, const preintegration<double>& motion) {
+  static void set_motion(map& m, keyframe k, preintegration<double> motion) {  // by value: the list of the map may grow
     auto& entry = m.make(k);
     entry.motion = motion, entry.has_motion = true;
   }
