@@ -19,6 +19,13 @@
 #define TURBOMAP_HD
 #endif
 
+// Of an argument of a kernel that is only read: no thread copies it. CUDA knows it since 11.7; before, kernels do without.
+#if TURBOMAP_HAS_CUDA && defined(__CUDACC_VER_MAJOR__) && __CUDACC_VER_MAJOR__ * 100 + __CUDACC_VER_MINOR__ >= 1107
+#define TURBOMAP_GRID_CONSTANT __grid_constant__
+#else
+#define TURBOMAP_GRID_CONSTANT
+#endif
+
 // 1 in every file of a program: what takes time is named for profilers of NVIDIA (named_range.hpp).
 #if !defined(TURBOMAP_WITH_NVTX)
 #define TURBOMAP_WITH_NVTX 0

@@ -337,6 +337,23 @@ TEST_CASE("double sphere: beyond 180 degrees, and the end of the image circle") 
   CHECK(pixel.y == -5);
 }
 
+TEST_CASE_TEMPLATE("double sphere: what unproject() gives, project() accepts", S, double, strict<double>) {
+  std::mt19937 random(7);
+  const auto uniform = [&](double a, double b) { return std::uniform_real_distribution<double>(a, b)(random); };
+  int rays = 0, no_pixel = 0;
+  for (int i = 0; i < 200000; ++i) {
+    const double_sphere<double> camera{uniform(100, 600), uniform(100, 600), 320, 240,
+                                       uniform(-0.99, 1), uniform(0, 1)};
+    const vec2<S> pixel{S(uniform(-200, 840)), S(uniform(-200, 680))};
+    vec3<S> ray{};
+    vec2<S> again{};
+    if (!camera.unproject(pixel, ray)) continue;
+    ++rays, no_pixel += camera.project(ray, again) ? 0 : 1;
+  }
+  CHECK(rays > 100000);
+  CHECK(no_pixel == 0);
+}
+
 TEST_CASE("validate names the parameter") {
   const auto message = [](const auto& camera) {
     try {

@@ -28,13 +28,16 @@ constexpr int known = 30, fresh = 20, bytes = 32;
 /// Two keyframes see known points with their first camera; the newer one sees fresh landmarks with both. How many points are made?
 /// \param ratio   creation_options::lookalike_ratio
 /// \param copies  the second camera sees each fresh landmark's copy beside it
-std::size_t points_made(bool across_rig, turbomap::creation_rule rule, double ratio = 0.8, bool copies = false) {
+/// \param shared  so many of the fresh landmarks are seen by the older keyframe, too
+/// \param search  search_options::across_rig, whatever the rule is
+std::size_t points_made(bool across_rig, turbomap::creation_rule rule, double ratio = 0.8, bool copies = false,
+                        int shared = 0, bool search = false) {
   auto options = turbomap::local_mapper_options::monocular();
   for (const auto stage : {turbomap::mapping_stage::point_culling, turbomap::mapping_stage::fusion,
                            turbomap::mapping_stage::adjustment, turbomap::mapping_stage::keyframe_culling})
     options.enabled[stage] = false;
   options.neighbours.across_rig = across_rig, options.creation.rule = rule;
-  options.creation.lookalike_ratio = ratio;
+  options.creation.lookalike_ratio = ratio, options.search.across_rig = search;
   turbomap::context ctx;
   map_type map;
   turbomap::keyframe_store<orb, camera> store;
@@ -60,6 +63,8 @@ std::size_t points_made(bool across_rig, turbomap::creation_rule rule, double ra
       descriptors.insert(descriptors.end(), look, look + bytes);
     };
     for (int l = 0; l < known; ++l) see(l, 0);
+    if (x == 0)
+      for (int l = known; l < known + shared; ++l) see(l, 0);
     if (x > 0)
       for (const int in : {0, 1})
         for (int l = known; l < known + fresh; ++l) see(l, in);
@@ -88,6 +93,13 @@ TEST_CASE("what only the cameras of one keyframe see") {
   CHECK(points_made(true, creation_rule::tracks) == fresh);
   CHECK(points_made(false, creation_rule::tracks) == 0);
   CHECK(points_made(true, creation_rule::pairs) == 0);
+}
+
+TEST_CASE("points of pairs are the same, whether or not the search matches the cameras of one keyframe") {
+  using turbomap::creation_rule;
+  constexpr int shared = 12;
+  for (const bool search : {false, true})
+    CHECK(points_made(false, creation_rule::pairs, 0.8, false, shared, search) == shared);
 }
 
 TEST_CASE("what only the cameras of one keyframe see, where its copy is beside it") {

@@ -250,6 +250,25 @@ TEST_CASE_TEMPLATE("a keyframe that is named twice sees a point once", Map, flat
   if constexpr (std::is_same_v<Map, flat_map>) CHECK(turbomap::validate(c.map).empty());
 }
 
+TEST_CASE_TEMPLATE("a camera sees a point once: its second keypoint is no second view", Map, flat_map, pointer_map) {
+  creation<Map> c;
+  using none = typename turbomap::map_traits<Map>::point;
+  c.query = insert_keyframe(c.map, {make_keypoint(1), make_keypoint(1), make_keypoint(1, 1), make_keypoint(1)}, 0,
+                            typename creation<Map>::keyframe{});
+  views_of_points<Map> plan;
+  plan.add({{0, 0}, {0, 1}});          // one camera
+  plan.add({{0, 0}, {0, 2}});          // two cameras of one keyframe
+  plan.add({{0, 1}, {1, 0}, {1, 1}});  // three views, two by one camera: the first of them counts
+  const auto due = plan.commit(c);
+  REQUIRE(c.created.size() == 2);
+  CHECK((c.at(c.query, 0) == c.created[0] && c.at(c.query, 2) == c.created[0]));
+  CHECK((c.at(c.query, 1) == c.created[1] && c.at(c.neighbours[0], 0) == c.created[1]));
+  CHECK(c.at(c.neighbours[0], 1) == none{});
+  REQUIRE(due.size() == 1);
+  CHECK(due[0] == c.created[1]);
+  if constexpr (std::is_same_v<Map, flat_map>) CHECK(turbomap::validate(c.map).empty());
+}
+
 TEST_CASE("bad views are refused with the map as it was") {
   creation<flat_map> c;
   const auto before = everything(c.map);

@@ -7,6 +7,7 @@
 
 #include <thrust/execution_policy.h>
 
+#include <limits>
 #include <stdexcept>
 #include <type_traits>
 #include <utility>
@@ -24,7 +25,24 @@ struct forgetful_map : flat_map {
   using flat_map::flat_map;
 };
 
+struct broken_write : std::runtime_error {
+  broken_write() : std::runtime_error("the traits throw") {}
+};
+/// Its traits throw where an observation is added, when told.
+struct failing_map : flat_map {
+  using flat_map::flat_map;
+  int adds_left = std::numeric_limits<int>::max();
+};
+
 }  // namespace turbomap_test
+
+template <>
+struct turbomap::map_traits<turbomap_test::failing_map> : turbomap::map_traits<turbomap_test::flat_map> {
+  static void add_observation(turbomap_test::failing_map& m, point p, keyframe k, std::size_t i) {
+    if (m.adds_left-- <= 0) throw turbomap_test::broken_write();
+    turbomap::map_traits<turbomap_test::flat_map>::add_observation(m, p, k, i);
+  }
+};
 
 template <>
 struct turbomap::map_traits<turbomap_test::forgetful_map> final  // final: what is deleted on purpose is no mistake
@@ -110,6 +128,20 @@ TEST_CASE("what was fused once is not fused again") {
   CHECK(p.fusion.touched().empty());
   const auto again = p.forward();
   CHECK(again.merged == 0);
+}
+
+TEST_CASE("what was fused before the traits threw is counted") {
+  for (const auto mode : {turbomap::fusion_mode::snapshot, turbomap::fusion_mode::serial_exact})
+    for (const int entries_per_guard : {0, 3}) {  // one part, many
+      prepared<failing_map> p;
+      p.options.mode = mode, p.options.commit.entries_per_guard = entries_per_guard;
+      p.fusion.begin();
+      p.run.map.adds_left = 40;
+      CHECK_THROWS_AS(p.forward(), broken_write);
+      const auto& done = p.fusion.done();
+      CHECK(done.merged > 0);
+      CHECK(done.observations_added + done.merged == p.fusion.touched().size());  // what is applied touches one point
+    }
 }
 
 TEST_CASE("points that are known badly are found farther away; exact ones as ever") {

@@ -25,6 +25,26 @@
 #include "scenes/map_scene.hpp"
 #include "scenes/pointer_map.hpp"
 
+namespace turbomap_test {
+
+struct broken_write : std::runtime_error {
+  broken_write() : std::runtime_error("the traits throw") {}
+};
+/// Its traits throw where an observation is added, when told.
+struct failing_map : flat_map {
+  int adds_left = std::numeric_limits<int>::max();
+};
+
+}  // namespace turbomap_test
+
+template <>
+struct turbomap::map_traits<turbomap_test::failing_map> : turbomap::map_traits<turbomap_test::flat_map> {
+  static void add_observation(turbomap_test::failing_map& m, point p, keyframe k, std::size_t i) {
+    if (m.adds_left-- <= 0) throw turbomap_test::broken_write();
+    turbomap::map_traits<turbomap_test::flat_map>::add_observation(m, p, k, i);
+  }
+};
+
 namespace {
 
 using namespace turbomap_test;
@@ -271,6 +291,24 @@ TEST_CASE("bad plans and options are refused with the map as it was") {
     CHECK(std::string(e.what()) == "turbomap: plan[].keypoint = 8: is not a keypoint of the target");
   }
   CHECK(f.run({{1, 0, 1}}) == actions{added});  // as good as new
+}
+
+TEST_CASE("what was applied before the traits threw is counted, of that call only") {
+  fusion<failing_map> f(3, 3);
+  f.see(0, 0, 0);
+  f.map.adds_left = 2;
+  const std::vector<std::array<std::int32_t, 3>> plan{{0, 0, 1}, {1, 0, 1}, {2, 1, 1}, {1, 2, 2}};  // seen, then added
+  CHECK_THROWS_AS(f.run(plan), broken_write);
+  CHECK(f.commit.done().entries == 3);
+  CHECK(f.commit.done().already_observed == 1);
+  CHECK(f.commit.done().observations_added == 2);
+  CHECK(f.commit.touched().size() == 2);
+  CHECK_THROWS_AS(f.run({{3, 0, 0}}), std::invalid_argument);
+  CHECK(f.commit.done().entries == 0);
+  f.map.adds_left = 1;
+  CHECK(f.run(plan) == actions{already, already, already, added});
+  CHECK(f.commit.done().entries == f.summary.entries);
+  CHECK(f.commit.done().observations_added == 1);
 }
 
 /// Large plans on full maps: `points` x `keyframes`, rigs of 1, 2 and 4 cameras.

@@ -5,6 +5,9 @@
 
 #include <thrust/execution_policy.h>
 
+#include <memory_resource>
+#include <new>
+
 #include "filter_windows_cases.hpp"
 #include "filters_cases.hpp"
 #include "support/policies.hpp"
@@ -46,6 +49,36 @@ TEST_CASE_TEMPLATE("no allocation in the steady state", Policy, TURBOMAP_TEST_PO
   check_filter_allocations<Policy>(std::pmr::get_default_resource());
 }
 
+TEST_CASE("a ratio is of distances, though those of real descriptors come squared") {
+  using real = turbomap::real_descriptor<float, 2>;
+  turbomap::keyframe_packing_scratch scratch;
+  scene_frame<real, pinhole_camera> query, neighbour;
+  const auto make = [&](auto& frame, std::vector<float> columns, std::vector<float> descriptors) {
+    frame.cameras = {{pinhole_camera{400, 400, 320, 240}, {}, 0, {}}}, frame.bounds = {0, 0, 640, 480};
+    for (const float x : columns) {
+      turbomap::keypoint k;
+      k.x = x, k.y = 240;
+      frame.keypoints.push_back(k);
+    }
+    frame.descriptors = descriptors;
+    frame.pack(scratch, {1.2F, 8});
+  };
+  neighbour.T_cw.tx = -0.3;
+  make(query, {320}, {0, 0}), make(neighbour, {300, 280}, {0.85F, 0, 1, 0});
+  using posed = turbomap::posed_keyframe<real, pinhole_camera>;
+  const std::vector<posed> neighbours{neighbour.posed()};
+  turbomap::search_options options;
+  options.max_distance = 2;
+  for (const double ratio : {0.84, 0.86}) {
+    turbomap::context<sequential> ctx;
+    turbomap::correspondences<real, pinhole_camera, sequential> result(ctx);
+    turbomap::search_correspondences(ctx, query.posed(), turbomap::span<const posed>(neighbours), options, result);
+    REQUIRE(result.plan(ctx).size() == 1);
+    turbomap::filter(ctx, result, ratio_test{ratio});
+    CHECK(result.plan(ctx).size() == (ratio < 0.85 ? 0 : 1));
+  }
+}
+
 TEST_CASE("a claim of distance -0 is one of distance 0, whoever gave it") {
   using real = turbomap::real_descriptor<float, 64>;
   scene_recipe recipe;
@@ -83,6 +116,44 @@ TEST_CASE("given matches of keypoints without a group pass the tests of a groupe
   const auto left = result.plan(ctx);
   for (const int ungrouped : {0, 4})
     CHECK(std::any_of(left.begin(), left.end(), [&](const auto& m) { return m.query == ungrouped; }));
+}
+
+TEST_CASE("a result whose search found no memory has nothing to filter, and the keyframes before it are not read") {
+  scene_recipe few, many;
+  few.query_keypoints = few.neighbour_keypoints = 20, few.neighbours = 1;
+  many.neighbours = 40;
+  scene<orb, pinhole_camera> second(pinhole_rig(), many);
+  const auto neighbours = second.neighbours();
+  search_options options;
+  options.candidate_set = turbomap::candidates::grouped;
+  long failures = 0;
+  for (bool done = false; !done; ++failures) {  // each allocation of the second search fails once
+    counting_resource resource(std::pmr::new_delete_resource());
+    turbomap::context<sequential> ctx(sequential{}, &resource, &resource);
+    turbomap::correspondences<orb, pinhole_camera, sequential> result(ctx);
+    {
+      scene<orb, pinhole_camera> first(pinhole_rig(), few);
+      const auto found_in = first.neighbours();
+      turbomap::search_correspondences(ctx, first.query(), turbomap::span<const decltype(first.query())>(found_in),
+                                       options, result);
+      REQUIRE(result.size() > 0);
+    }
+    resource.refuse_from = resource.allocations + failures, resource.refusals = 1;
+    try {
+      turbomap::search_correspondences(ctx, second.query(), turbomap::span<const decltype(second.query())>(neighbours),
+                                       options, result);
+      done = true;
+    } catch (const std::bad_alloc&) {
+      resource.refuse_from = -1;
+      REQUIRE(result.keypoint_counts().empty());
+      REQUIRE(result.queries().empty());
+      const long before = resource.allocations;
+      turbomap::filter(ctx, result, ratio_test{}, mutual_best{}, one_to_one{});
+      CHECK(resource.allocations == before);
+      CHECK(result.plan(ctx).empty());
+    }
+  }
+  CHECK(failures > 3);
 }
 
 }  // namespace

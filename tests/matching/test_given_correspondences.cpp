@@ -114,4 +114,24 @@ TEST_CASE("wrong matches are refused by name, and the result stays") {
   CHECK(same(result.plan(ctx), good));
 }
 
+TEST_CASE("a match of a query keypoint with itself is refused by name, and the result stays") {
+  scene_recipe recipe;
+  recipe.neighbours = 1, recipe.mapped = 0;
+  scene<orb, fisheye_camera> s(fisheye_rig(), recipe);
+  turbomap::context<sequential> ctx{sequential{}};
+  const auto neighbours = s.neighbours();
+  search_options options;
+  options.across_rig = true;  // neighbour 1 is the query
+  turbomap::correspondences<orb, fisheye_camera, sequential> result(ctx);
+  const auto give = [&](const std::vector<match>& given) {
+    turbomap::given_correspondences(ctx, s.query(), turbomap::span<const decltype(s.query())>(neighbours),
+                                    matches_view(given), options, result);
+  };
+  const std::vector<match> good{{0, 5, 5, 3}, {1, 5, 6, 2}};  // keypoint 5 of another keyframe is another
+  give(good);
+  CHECK_THROWS_WITH_AS(give({good[0], {1, 7, 7, 2}}), "turbomap: matches[].candidate = 7: is the query keypoint itself",
+                       std::invalid_argument);
+  CHECK(same(result.plan(ctx), good));
+}
+
 }  // namespace

@@ -3,6 +3,8 @@
 
 // Point creation against its oracle, its bad input, the order in which keypoints are given away.
 
+#include <turbomap/matching/given_correspondences.hpp>
+
 #include <thrust/execution_policy.h>
 
 #include <limits>
@@ -95,10 +97,71 @@ TEST_CASE("a stereo keypoint whose depth is zero or unknown gives no point of it
     scene<orb, pinhole_camera> s(pinhole_rig(50), recipe);
     for (auto& k : s.frames[0].keypoints) k.depth = depth;
     s.repack(s.frames[0]);
-    check_creation(sequential{}, s, {}, {}, t, outcomes);
+    check_creation(sequential{}, s, {}, {}, t, outcomes);  // the neighbours' depths are known
+    for (auto& f : s.frames) {
+      for (auto& k : f.keypoints) k.depth = depth;
+      s.repack(f);
+    }
+    creation_options parallel;  // most rays count as such
+    parallel.max_parallax_cosine = 0.99;
+    check_creation(sequential{}, s, {}, parallel, t, outcomes);
   }
   CHECK(t.differences == 0);
+  CHECK(t.matches > 50);
   CHECK(outcomes[static_cast<std::size_t>(creation_outcome::no_depth)] > 50);
+}
+
+/// A keyframe at (x, 0, 0) that looks along z. Its stereo pair of 10 cm sees (0.1, 0.1, z) by its one keypoint.
+/// \param depth    of the keypoint
+/// \param u_right  whether it has one
+scene_frame<orb, pinhole_camera> stereo_frame(double x, double z, float depth, bool u_right = true) {
+  scene_frame<orb, pinhole_camera> f;
+  f.cameras = {{pinhole_camera{400, 400, 320, 240}, {}, 40, {}}}, f.bounds = {0, 0, 640, 480};
+  turbomap::keypoint k;
+  const double u = 320 + 400 * (0.1 - x) / z;
+  k.x = static_cast<float>(u), k.y = static_cast<float>(240 + 400 * 0.1 / z), k.depth = depth;
+  if (u_right) k.u_right = static_cast<float>(u - 40 / z);
+  f.keypoints = {k}, f.T_cw.tx = -x;
+  f.descriptors.resize(static_cast<std::size_t>(orb::elements));
+  turbomap::keyframe_packing_scratch scratch;
+  f.pack(scratch, {1.2F, 8});
+  return f;
+}
+/// What becomes of the match of their keypoints.
+turbomap::created_point pair_of(scene_frame<orb, pinhole_camera> a, scene_frame<orb, pinhole_camera> b) {
+  turbomap::context<sequential> ctx{};
+  const auto neighbour = b.posed();
+  const turbomap::correspondence<std::int32_t> match{0, 0, 0, 5};
+  turbomap::correspondences<orb, pinhole_camera, sequential> given(ctx);
+  turbomap::given_correspondences(ctx, a.posed(), turbomap::span<const decltype(a.posed())>(&neighbour, 1),
+                                  turbomap::span<const turbomap::correspondence<std::int32_t>>(&match, 1), {}, given);
+  turbomap::point_creation<sequential> points(ctx);
+  turbomap::create_points(ctx, given, {}, points);
+  return points.plan(ctx, given).at(0);
+}
+
+TEST_CASE("a stereo keypoint whose depth is unknown is triangulated where the rays suffice") {
+  using turbomap::creation_method;
+  for (const bool other_too : {false, true})
+    for (const double baseline : {1.0, -1.0}) {
+      const auto p = pair_of(stereo_frame(0, 20, -1), stereo_frame(baseline, 20, -1, other_too));
+      CHECK(p.outcome == creation_outcome::accepted);
+      CHECK(p.method == creation_method::triangulated);
+      CHECK(p.position.z == doctest::Approx(20).epsilon(1e-3));
+    }
+  const auto reversed = pair_of(stereo_frame(0, 20, -1, false), stereo_frame(1, 20, -1));
+  CHECK(reversed.method == creation_method::triangulated);
+  // 0.2 degrees of parallax are too few, and there is nothing to fall back on. One that has a depth gives it.
+  CHECK(pair_of(stereo_frame(0, 20, -1), stereo_frame(0.07, 20, -1, false)).outcome == creation_outcome::no_depth);
+  CHECK(pair_of(stereo_frame(0, 20, -1), stereo_frame(0.07, 20, -1)).outcome == creation_outcome::no_depth);
+  CHECK(pair_of(stereo_frame(0, 20, -1), stereo_frame(0.07, 20, 20)).method == creation_method::stereo_neighbour);
+}
+
+TEST_CASE("of two stereo keypoints that are equally deep the query's gives the point") {
+  const auto p = pair_of(stereo_frame(0, 4, 4), stereo_frame(0.05, 4, 4));
+  CHECK(p.outcome == creation_outcome::accepted);
+  CHECK(p.method == turbomap::creation_method::stereo_query);
+  CHECK(p.position.z == doctest::Approx(4));
 }
 
 TEST_CASE("a keypoint is given to one point only, the first that asks") {

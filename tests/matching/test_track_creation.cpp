@@ -3,6 +3,8 @@
 
 // Points from tracks against their oracle; two views as a pair; bad input.
 
+#include <turbomap/matching/given_correspondences.hpp>
+
 #include <thrust/execution_policy.h>
 
 #include <limits>
@@ -217,6 +219,51 @@ TEST_CASE_TEMPLATE("a landmark that has a point is left out", Policy, TURBOMAP_T
   CHECK(known > 100);
   CHECK(others > 100);
   CHECK(nobody == 0);
+}
+
+/// A fisheye keyframe at (x, 0, 0) that looks along z, with one keypoint: where it sees (0.1, 0.1, 2), or where no ray ends.
+scene_frame<orb, fisheye_camera> fisheye_frame(double x, bool has_ray = true) {
+  auto rig = fisheye_rig(1);
+  scene_frame<orb, fisheye_camera> f;
+  f.cameras = rig.cameras, f.bounds = rig.bounds;
+  turbomap::vec2<double> pixel{5000, 5000};
+  if (has_ray) REQUIRE(fisheye().project(turbomap::vec3<double>{0.1 - x, 0.1, 2}, pixel));
+  turbomap::keypoint k;
+  k.x = static_cast<float>(pixel.x), k.y = static_cast<float>(pixel.y);
+  f.keypoints = {k}, f.T_cw.tx = -x;
+  f.descriptors.resize(static_cast<std::size_t>(orb::elements));
+  turbomap::keyframe_packing_scratch scratch;
+  f.pack(scratch, {1.2F, 8});
+  return f;
+}
+
+TEST_CASE_TEMPLATE("a view whose pixel has no ray leaves its track, the others stay", Policy, TURBOMAP_TEST_POLICIES) {
+  using posed = turbomap::posed_keyframe<orb, fisheye_camera>;
+  for (std::size_t without = 0; without < 4; ++without) {
+    CAPTURE(without);
+    std::vector<scene_frame<orb, fisheye_camera>> frames;
+    for (std::size_t i = 0; i < 4; ++i) frames.push_back(fisheye_frame(0.2 * static_cast<double>(i), i != without));
+    std::vector<posed> keyframes;
+    for (auto& f : frames) keyframes.push_back(f.posed());
+    const std::vector<turbomap::correspondence<std::int32_t>> matches{{0, 0, 0, 5}, {1, 0, 0, 5}, {2, 0, 0, 5}};
+    turbomap::context<Policy> ctx{Policy{}};
+    turbomap::correspondences<orb, fisheye_camera, Policy> given(ctx);
+    turbomap::given_correspondences(ctx, keyframes[0], turbomap::span<const posed>(keyframes.data() + 1, 3),
+                                    turbomap::span<const turbomap::correspondence<std::int32_t>>(matches), {}, given);
+    turbomap::match_tracks<orb, fisheye_camera, Policy> joined(ctx);
+    turbomap::join_tracks(ctx, given, joined);
+    turbomap::track_creation<Policy> made(ctx);
+    turbomap::create_track_points(ctx, given, joined, {}, made);
+    std::vector<turbomap::created_track> points;
+    std::vector<std::uint8_t> kept;
+    made.plan(ctx, points, kept);
+    REQUIRE(points.size() == 1);
+    CHECK(points[0].outcome == creation_outcome::accepted);
+    CHECK(points[0].views == 3);
+    REQUIRE(kept.size() == 4);
+    for (std::size_t i = 0; i < 4; ++i) CHECK(kept[i] == (i == without ? 0 : 1));
+    CHECK(turbomap::norm(points[0].position - turbomap::vec3<double>{0.1, 0.1, 2}) < 1e-3);
+  }
 }
 
 TEST_CASE("nothing found, nothing created") {

@@ -23,6 +23,7 @@ struct oracle_sight {
   double parallax = 2;  ///< cosine of the parallax of the stereo pair; 2: none
   double sigma2, scale;
 
+  bool has_depth() const { return stereo && depth > 0; }
   Eigen::Vector3d stereo_point() const { return T_cw.inverse() * (depth * ray); }
 };
 
@@ -46,7 +47,7 @@ oracle_sight<Camera> oracle_look(const turbomap::posed_keyframe<Descriptor, Came
   s.u_right = view.u_right[keypoint];
   s.depth = view.depth == nullptr ? -1 : view.depth[keypoint];
   s.bf = camera.bf;
-  s.parallax = std::cos(2 * std::atan2(s.bf / K(0, 0) / 2, s.depth));
+  if (s.has_depth()) s.parallax = std::cos(2 * std::atan2(s.bf / K(0, 0) / 2, s.depth));
   return s;
 }
 
@@ -71,7 +72,7 @@ turbomap::creation_outcome oracle_outcome(const oracle_sight<Camera>& a, const o
   const Eigen::Vector3d direction_a = (a.T_cw.R.transpose() * a.ray).normalized();
   const Eigen::Vector3d direction_b = (b.T_cw.R.transpose() * b.ray).normalized();
   const double parallax = direction_a.dot(direction_b);
-  const bool enough = a.stereo || b.stereo || calls.less(parallax, options.max_parallax_cosine, 1);
+  const bool enough = a.has_depth() || b.has_depth() || calls.less(parallax, options.max_parallax_cosine, 1);
   Eigen::Vector3d x;
   if (calls.less(parallax, std::min(a.parallax, b.parallax), 1) && calls.less(0, parallax, 1) && enough) {
     p.method = method::triangulated;
@@ -79,16 +80,14 @@ turbomap::creation_outcome oracle_outcome(const oracle_sight<Camera>& a, const o
     const bool finite = oracle_triangulate(a.T_cw, a.ray, b.T_cw, b.ray, x, shaky);
     calls.any = calls.any || shaky;
     if (!finite) return outcome::at_infinity;
-  } else if (a.stereo && a.parallax < b.parallax) {
+  } else if (a.has_depth() && a.parallax <= b.parallax) {
     p.method = method::stereo_query;
-    if (!(a.depth > 0)) return outcome::no_depth;
     x = a.stereo_point();
-  } else if (b.stereo && b.parallax < a.parallax) {
+  } else if (b.has_depth()) {
     p.method = method::stereo_neighbour;
-    if (!(b.depth > 0)) return outcome::no_depth;
     x = b.stereo_point();
   } else {
-    return outcome::low_parallax;
+    return a.stereo || b.stereo ? outcome::no_depth : outcome::low_parallax;
   }
   p.position = {x.x(), x.y(), x.z()};
   const Eigen::Vector3d x_a = a.T_cw * x, x_b = b.T_cw * x;

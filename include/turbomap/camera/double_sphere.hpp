@@ -13,7 +13,8 @@
 namespace turbomap {
 
 /// With d1 = |(x, y, z)|, k = xi d1 + z, d2 = |(x, y, k)| and D = alpha d2 + (1 - alpha) k:
-/// u = fx x/D + cx, v = fy y/D + cy (Eq. 40-42 there). Defined where z > -w2 d1 (Eq. 43-45), also behind the camera.
+/// u = fx x/D + cx, v = fy y/D + cy (Eq. 40-42 there). Defined where z > -w2 d1 (Eq. 43-45), also behind the camera. With a negative
+/// xi and an alpha near 1 the image folds over at its rim, two degrees or so before that: calibrations have no such parameters.
 template <class T>
 struct double_sphere {
   using scalar = T;  ///< of the parameters.
@@ -48,6 +49,7 @@ struct double_sphere {
     const S scale = (mz * x_i + sqrt(root)) / (mz * mz + r2);
     const vec3<S> ray{scale * mx, scale * my, scale * mz - x_i};
     if (!detail::is_finite(ray.x) || !detail::is_finite(ray.y) || !detail::is_finite(ray.z)) return false;
+    if (!(ray.z > least_z<S>())) return false;
     bearing = ray;
     return true;
   }
@@ -83,14 +85,20 @@ struct double_sphere {
   }
 
  private:
+  /// Of a unit ray that the model is defined for: -w2.
+  template <class S, class = detail::this_target>
+  TURBOMAP_HD S least_z() const {
+    using std::sqrt;
+    const S a(alpha), x_i(xi), one(1);
+    const S w1 = a <= S(0.5) ? a / (one - a) : (one - a) / a;
+    return -((w1 + x_i) / sqrt(S(2) * w1 * x_i + x_i * x_i + one));
+  }
   template <class S, class = detail::this_target>
   TURBOMAP_HD bool denominator(const vec3<S>& p, S& d1, S& k, S& d2, S& D) const {
     using std::sqrt;
     const S a(alpha), x_i(xi), one(1), r2 = p.x * p.x + p.y * p.y;
     d1 = sqrt(r2 + p.z * p.z);
-    const S w1 = a <= S(0.5) ? a / (one - a) : (one - a) / a;
-    const S w2 = (w1 + x_i) / sqrt(S(2) * w1 * x_i + x_i * x_i + one);
-    if (!(p.z > -(w2 * d1))) return false;
+    if (!(p.z > least_z<S>() * d1)) return false;
     k = x_i * d1 + p.z;
     d2 = sqrt(r2 + k * k);
     D = a * d2 + (one - a) * k;

@@ -16,6 +16,8 @@
 ///       static TURBOMAP_HD distance_type distance(const element* a, const element* b);
 ///       // Optional: a bound that costs less and is never more than the distance. Searches on the host ask it first.
 ///       static TURBOMAP_HD distance_type at_least(const element* a, const element* b);
+///       // Optional: distance() gives the square of a distance. Ratios of options are of distances.
+///       static constexpr bool squared = true;
 ///     };
 ///
 /// The distance is symmetric, and must not depend on the compiler if results are to be equal on all execution policies:
@@ -65,6 +67,16 @@ struct has_at_least<D, std::void_t<decltype(D::at_least(std::declval<const typen
     : std::true_type {};
 template <class D>
 inline constexpr bool has_at_least_v = has_at_least<D>::value;
+
+template <class D, class = void>
+struct is_squared : std::false_type {};
+template <class D>
+struct is_squared<D, std::enable_if_t<D::squared>> : std::true_type {};
+/// Of what distance() gives, by a ratio of distances.
+template <class D>
+TURBOMAP_HD constexpr double ratio_of(double ratio) {
+  return is_squared<D>::value ? ratio * ratio : ratio;
+}
 
 }  // namespace detail
 

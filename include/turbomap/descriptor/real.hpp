@@ -114,6 +114,7 @@ struct real_descriptor {
   using element = Storage;  ///< as it is stored.
   /// Of the square of a distance.
   using distance_type = std::conditional_t<std::is_same_v<Storage, std::int8_t>, std::int32_t, float>;
+  static constexpr bool squared = true;                                              ///< see distance_type
   static constexpr int elements = Length;                                            ///< of one descriptor
   static constexpr int bytes = Length * static_cast<int>(sizeof(Storage));           ///< of one descriptor
   static constexpr distance_type worst = std::numeric_limits<distance_type>::max();  ///< no pair is farther

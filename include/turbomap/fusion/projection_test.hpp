@@ -10,6 +10,7 @@
 
 #include "../camera/point_uncertainty.hpp"
 #include "../config.hpp"
+#include "../descriptor/descriptor_concept.hpp"
 #include "../math/functions.hpp"
 #include "../math/symmetric3.hpp"
 #include "../store/keypoint_window.hpp"
@@ -134,7 +135,7 @@ struct projection_test {
     if (scan.best < 0)
       return scan.in_window ? projection_outcome::no_consistent_keypoint : projection_outcome::no_keypoint;
     if (!(scan.distance <= search.max_distance)) return projection_outcome::too_different;
-    const double ratio = search.options.max_ratio;
+    const double ratio = detail::ratio_of<Descriptor>(search.options.max_ratio);
     if (ratio < 1 && decision(scan.distance) > decision(ratio) * decision(scan.second))
       return projection_outcome::ambiguous;
     return projection_outcome::matched;

@@ -98,10 +98,9 @@ class projection_windows {
     else
       keep_fitting<false>();
     for (int i = 0; i < listed_; ++i)
-      hope_[owner_[i]] |= Descriptor::distance(search_.descriptor_of(point_[owner_[i]]),
-                                               view_.descriptor_of(static_cast<int>(entry_[i]))) <= search_.max_distance
-                              ? 1
-                              : 0;
+      hope_[owner_[i]] |= static_cast<std::uint8_t>(
+          Descriptor::distance(search_.descriptor_of(point_[owner_[i]]),
+                               view_.descriptor_of(static_cast<int>(entry_[i]))) <= search_.max_distance);
     listed_ = 0;
   }
   /// Leaves the keypoints that the prefilter would compare, by number.

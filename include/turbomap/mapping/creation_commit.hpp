@@ -83,7 +83,10 @@ class point_insertion {
                end = static_cast<std::size_t>(points_.offsets[i + 1]);
     std::size_t views = 0, first = end;
     for (std::size_t v = end; v-- > begin;)
-      if (is_possible(points_.observations[v])) ++views, first = v;
+      if (is_possible(points_.observations[v])) {
+        views += is_camera_among(points_.observations[v], v + 1, end) ? 0 : 1;
+        first = v;
+      }
     if (views < 2) return;
     const auto point = traits::add_point(map_, points_.positions[i], keyframe_of(points_.observations[first]));
     if constexpr (map_has_v<Map, map_reserve_member>) {
@@ -109,6 +112,17 @@ class point_insertion {
   bool is_alive(const point_observation& o) const { return alive_[static_cast<std::size_t>(o.keyframe)] != 0; }
   bool is_possible(const point_observation& o) const {
     return is_alive(o) && traits::point_at(map_, keyframe_of(o), keypoint_of(o)) == typename traits::point{};
+  }
+  /// Whether one of the observations [begin, end) that are possible is by the same camera.
+  bool is_camera_among(const point_observation& o, std::size_t begin, std::size_t end) const {
+    for (std::size_t v = begin; v < end; ++v) {
+      const point_observation& other = points_.observations[v];
+      if (keyframe_of(other) == keyframe_of(o) && is_possible(other) &&
+          turbomap::keypoint_of(map_, keyframe_of(o), keypoint_of(other)).camera ==
+              turbomap::keypoint_of(map_, keyframe_of(o), keypoint_of(o)).camera)
+        return true;
+    }
+    return false;
   }
   void describe(std::size_t i, const typename traits::point& point) const {
     if (appearances_.empty()) return;
@@ -142,7 +156,8 @@ class point_insertion {
 
 /// Inserts points in their order, each with those of its observations that are still possible, if these are two at least. A
 /// keypoint that has a point by then, given by an earlier entry or by somebody else since the search, gets no second one, and
-/// neither does one of a keyframe that is gone. The caller holds the guard of the map.
+/// neither does one of a keyframe that is gone; a camera sees a point by one keypoint, the first that is named. The caller holds
+/// the guard of the map.
 /// \param appearances  of each point: it enters the map with it, so that nobody reads a point without descriptor and range.
 ///                     Empty: the appearance of the new points is due
 /// \param keyframes    those that observations name by number

@@ -197,10 +197,15 @@ class duplicate_fusion {
     for (std::size_t begin = 0; begin < plan_.size(); begin += most) {
       const std::size_t left = plan_.size() - begin;
       const auto guard = s.commit_guard();
-      const fusion_summary part = commit_(
-          s.map, span<const duplicate<typename descriptor::distance_type>>(plan_.data() + begin, std::min(left, most)),
-          span<const keyframe>(targets_.keyframes()), span<const point>(snapshot_.points()), options, s.faults);
-      summary += part, done_ += part;
+      const span<const duplicate<typename descriptor::distance_type>> part(plan_.data() + begin, std::min(left, most));
+      try {
+        commit_(s.map, part, span<const keyframe>(targets_.keyframes()), span<const point>(snapshot_.points()), options,
+                s.faults);
+      } catch (...) {
+        done_ += commit_.done();
+        throw;
+      }
+      summary += commit_.done(), done_ += commit_.done();
     }
     return summary;
   }

@@ -85,6 +85,7 @@ class fusion_commit {
                             span<const point> points, const fusion_commit_options& options = {},
                             fault_sink faults = {}) {
     static_assert(require_map_traits<Map>());
+    done_ = {};
     require(options.tolerance.chi2 >= 0, "options.tolerance.chi2", options.tolerance.chi2, "must not be negative");
     require(options.tolerance.position_chi2 >= 0, "options.tolerance.position_chi2", options.tolerance.position_chi2,
             "must not be negative");
@@ -93,20 +94,21 @@ class fusion_commit {
     actions_.assign(plan.size(), fusion_action::none);
     check(map, plan, targets, points, faults);
     make_room(touched_, touched_.size() + plan.size());  // an entry touches one point at most
-    fusion_summary summary;
     for (std::size_t i = 0; i < plan.size(); ++i) {
       const auto& entry = plan[i];
       if (actions_[i] == fusion_action::refused) continue;
       actions_[i] =
           apply(map, points[static_cast<std::size_t>(entry.point)], targets[static_cast<std::size_t>(entry.target)],
                 static_cast<std::size_t>(entry.keypoint), options, faults);
-      if (actions_[i] != fusion_action::refused) count(summary, actions_[i]);
+      if (actions_[i] != fusion_action::refused) count(done_, actions_[i]);
     }
-    return summary;
+    return done_;
   }
 
   /// What became of each entry of the last plan.
   const plain_vector<fusion_action>& actions() const { return actions_; }
+  /// What the last call did, also one that threw after some of its entries.
+  const fusion_summary& done() const { return done_; }
   /// Points that gained observations since the last clear(): their descriptor, normal and range are due. Some may be dead or
   /// named twice.
   const list_of<point>& touched() const { return touched_; }
@@ -274,6 +276,7 @@ class fusion_commit {
   point_numbering<Map> checked_;      ///< points that were checked
   plain_vector<std::uint8_t> sound_;  ///< of each of them
   plain_vector<fusion_action> actions_;
+  fusion_summary done_;
   list_of<point> touched_, survivors_;
   list_of<view> scratch_;  ///< of a point that is merged
 };

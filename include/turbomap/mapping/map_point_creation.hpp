@@ -110,6 +110,8 @@ class map_point_creation {
   void compute_pairs(context<Policy>& ctx, const search_type& search, const creation_options& options) {
     create_points(ctx, search.matches(), options, pairs_);
     pairs_.plan(ctx, search.matches(), plan_);
+    const std::int32_t own = search.matches().view().own_neighbour;  // the last one: pairs are of two keyframes
+    while (!plan_.empty() && plan_.back().neighbour == own) plan_.pop_back();
     matches_ = plan_.size();
     claimed_.clear();
     for (const auto& k : search.posed()) claimed_.add_keyframe(k.view.keypoint_count);

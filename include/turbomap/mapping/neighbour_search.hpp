@@ -46,7 +46,7 @@ class neighbour_search {
   /// Poses and masks of the keyframe and of its neighbours whose baseline suffices. Nothing, an empty selection(), if the
   /// keyframe was erased meanwhile: compute() has nothing to search then.
   /// \param fitting  fitting(n): how many of n neighbours may be taken, e.g. by a deadline
-  /// \return whether fitting() cost neighbours that would have been searched
+  /// \return whether neighbours were left out for fitting(), which may have been too near to be searched
   /// \throws std::invalid_argument  the keyframe is not in the store or has no pose; an option out of range
   template <class Fitting>
   bool snapshot(const scope& s, keyframe query, const neighbour_search_options& options, Fitting fitting) {
@@ -125,7 +125,7 @@ class neighbour_search {
     points_.clear();
     for (std::size_t i = 0; i < keypoint_count_of(map, n); ++i) {
       const point p = traits::point_at(map, n, i);
-      if (!(p == point{})) points_.push_back(position_of(map, p));
+      if (!(p == point{}) && traits::alive(map, p)) points_.push_back(position_of(map, p));
     }
     return baseline_suffices_monocular(T_query, T_n, median_depth(T_n, points_, depths_), options.baseline_rule);
   }

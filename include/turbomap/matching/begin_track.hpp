@@ -54,7 +54,7 @@ TURBOMAP_HD bool begin_track(const Views& views, const Workers& workers, creatio
   int stereo = -1;
   for (int i = views.first(); i < views.end; i = views.next(i + 1)) {
     const creation_view& v = views.tracks.placed_views[i].seen;
-    if (!v.stereo || !(v.depth > decision(0)) || !(v.parallax < limit)) continue;
+    if (!v.has_depth() || !(v.parallax < limit)) continue;
     limit = v.parallax;
     stereo = i;
   }

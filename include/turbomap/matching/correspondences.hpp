@@ -92,6 +92,7 @@ class correspondences {
   void clear() {
     buffers_.view.neighbour_count = buffers_.view.slot_count = 0;
     buffers_.view.own_neighbour = -1;
+    buffers_.keypoint_counts.clear(), buffers_.queries.clear();
   }
   /// What kernels, filters and point creation read, in the memory of the policy.
   const search_view<Descriptor, Camera>& view() const { return buffers_.view; }

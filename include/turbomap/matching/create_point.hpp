@@ -26,7 +26,9 @@ struct creation_view {
   decision bf;         ///< px m
   decision sigma2;     ///< px^2
   decision parallax;   ///< cosine of the parallax of its own stereo pair; 2: none
-  bool stereo;
+  bool stereo;         ///< has a u_right, and maybe a depth
+
+  TURBOMAP_HD bool has_depth() const { return stereo && depth > decision(0); }
 };
 
 template <class Descriptor, class Camera>
@@ -47,9 +49,9 @@ TURBOMAP_HD creation_view look_at(const keyframe_view<Descriptor, Camera>& keyfr
     v.bf = decision(camera.bf);
     v.u_right = decision(keyframe.u_right[keypoint]);
     v.depth = keyframe.depth == nullptr ? decision(-1) : decision(keyframe.depth[keypoint]);
-    // cos(2 atan(b / d)) = (d^2 - b^2) / (d^2 + b^2), b = half the baseline; a depth of 0 gives -1, not 0 / 0
+    // cos(2 atan(b / d)) = (d^2 - b^2) / (d^2 + b^2), b = half the baseline
     const decision b = v.bf / decision(K.fx), b2 = b * b, d = v.depth + v.depth, d2 = d * d;
-    v.parallax = (d2 - b2) / (d2 + b2);
+    if (v.has_depth()) v.parallax = (d2 - b2) / (d2 + b2);
   }
   return v;
 }
@@ -86,19 +88,17 @@ TURBOMAP_HD creation_outcome create_from_pair(const pair_view<Camera>& a, const 
   const decision stereo_parallax = va.parallax < vb.parallax ? va.parallax : vb.parallax;
   vec3<decision> X;  // the point in the world; the linear method depends on its frame, and this is the peer's
   if (parallax < stereo_parallax && parallax > decision(0) &&
-      (va.stereo || vb.stereo || parallax < decision(options.max_parallax_cosine))) {
+      (va.has_depth() || vb.has_depth() || parallax < decision(options.max_parallax_cosine))) {
     p.method = creation_method::triangulated;
     if (!triangulate(a.T_cw, va.ray, b.T_cw, vb.ray, X, true)) return creation_outcome::at_infinity;
-  } else if (va.stereo && va.parallax < vb.parallax) {
+  } else if (va.has_depth() && !(vb.parallax < va.parallax)) {
     p.method = creation_method::stereo_query;
-    if (!(va.depth > decision(0))) return creation_outcome::no_depth;
     X = inverse(a.T_cw) * (va.depth * va.ray);
-  } else if (vb.stereo && vb.parallax < va.parallax) {
+  } else if (vb.has_depth()) {
     p.method = creation_method::stereo_neighbour;
-    if (!(vb.depth > decision(0))) return creation_outcome::no_depth;
     X = inverse(b.T_cw) * (vb.depth * vb.ray);
   } else {
-    return creation_outcome::low_parallax;
+    return va.stereo || vb.stereo ? creation_outcome::no_depth : creation_outcome::low_parallax;
   }
   p.position = {X.x.value, X.y.value, X.z.value};
 

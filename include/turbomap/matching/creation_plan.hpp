@@ -18,7 +18,7 @@ enum class creation_outcome : std::uint16_t {  // 16 bits: results have no bytes
   accepted = 0,
   low_parallax = 1,            ///< rays too close to parallel, and no stereo depth to fall back on
   at_infinity = 2,             ///< the triangulated point has no finite position; tracks: or no finite covariance
-  no_depth = 3,                ///< the stereo keypoint has no positive depth
+  no_depth = 3,                ///< low_parallax, with a stereo keypoint that has no positive depth
   behind_query = 4,            ///< not in front of the query camera
   behind_neighbour = 5,        ///< not in front of the neighbour camera
   reprojection_query = 6,      ///< reprojection error in the query above the gate

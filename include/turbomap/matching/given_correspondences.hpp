@@ -21,8 +21,8 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Fills `result` as search_correspondences() would have, with the given matches: at most one for a query keypoint and
 /// neighbour, none of a keypoint that holds a map point.
 /// \throws std::invalid_argument as search_correspondences() does, and naming the match for an index out of range, a
-///         keypoint that holds a map point, a distance that is negative or NaN, or a second match of a query keypoint
-///         with one neighbour; `result` is unchanged
+///         keypoint that holds a map point or is the query keypoint itself, a distance that is negative or NaN, or a second
+///         match of a query keypoint with one neighbour; `result` is unchanged
 template <class Descriptor, class Camera, class Policy>
 void given_correspondences(context<Policy>& ctx, const posed_keyframe<Descriptor, Camera>& query,
                            span<const posed_keyframe<Descriptor, Camera>> given,
@@ -49,6 +49,8 @@ void given_correspondences(context<Policy>& ctx, const posed_keyframe<Descriptor
     const auto& neighbour = neighbours[static_cast<std::size_t>(m.neighbour)];
     require(m.candidate >= 0 && m.candidate < neighbour.view.keypoint_count, "matches[].candidate", m.candidate,
             "is not a keypoint of the neighbour");
+    const bool own = neighbours.across_rig && static_cast<std::size_t>(m.neighbour) + 1 == neighbours.size();
+    require(!own || m.candidate != m.query, "matches[].candidate", m.candidate, "is the query keypoint itself");
     require(!mapped(query, m.query), "matches[].query", m.query, "holds a map point");
     require(!mapped(neighbour, m.candidate), "matches[].candidate", m.candidate, "holds a map point");
     require(m.distance >= 0, "matches[].distance", m.distance, "must not be negative");

@@ -12,6 +12,7 @@
 
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../descriptor/descriptor_concept.hpp"
 #include "epipolar.hpp"
 #include "place_views.hpp"
 
@@ -41,7 +42,8 @@ struct lookalike {
       return decision(
           static_cast<double>(Descriptor::distance(keyframe.descriptor_of(view.keypoint), keyframe.descriptor_of(k))));
     };
-    const decision distance = distance_to(match.keypoint), ratio(tracks.options.lookalike_ratio);
+    const decision distance = distance_to(match.keypoint),
+                   ratio(detail::ratio_of<Descriptor>(tracks.options.lookalike_ratio));
     const pair_geometry g =
         make_pair_geometry(keyframe.cameras[view.camera], T_cw, keyframe.cameras[match.camera], T_cw, false);
     const query_epipolar q = make_query_epipolar(g, keyframe, view.keypoint);

@@ -10,6 +10,7 @@
 
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../descriptor/descriptor_concept.hpp"
 #include "../error.hpp"
 #include "apply_filter.hpp"
 #include "candidate_scan.hpp"
@@ -40,7 +41,7 @@ class ratio_comparison {
         query_(search.queries[i % search.slot_count]),
         match_(search.match[i]),
         distance_(static_cast<double>(search.distance[i])),
-        ratio_(ratio),
+        ratio_(ratio_of<Descriptor>(ratio)),
         scan_(search, n_, query_) {}
 
   TURBOMAP_HD int neighbour() const { return n_; }

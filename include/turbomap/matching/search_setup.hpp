@@ -140,16 +140,18 @@ void set_up_search(context<Policy>& ctx, const posed_keyframe<Descriptor, Camera
 
   auto& v = buffers.view;
   // From here on memory may run out, and the arrays of the last result are replaced.
-  v.neighbour_count = v.slot_count = 0;
-  buffers.keypoint_counts.assign(1, query.view.keypoint_count);
-  for (std::size_t i = 0; i < neighbours.size(); ++i)
-    buffers.keypoint_counts.push_back(neighbours[i].view.keypoint_count);
+  v.neighbour_count = v.slot_count = 0, v.own_neighbour = -1;
+  buffers.keypoint_counts.clear(), buffers.queries.clear();
+  buffers.keypoint_counts.reserve(1 + neighbours.size());
   buffers.queries.reserve(static_cast<std::size_t>(slots) + 1);
   buffers.candidates.resize_discard(neighbours.size() + static_cast<std::size_t>(candidate_count));
   buffers.pairs.resize_discard(static_cast<std::size_t>(pairs));
   buffers.match.resize_discard(static_cast<std::size_t>(results));
   buffers.distance.resize_discard(static_cast<std::size_t>(results));
   const upload_block block = ctx.begin_upload(buffers.inputs, inputs.bytes());
+  buffers.keypoint_counts.push_back(query.view.keypoint_count);
+  for (std::size_t i = 0; i < neighbours.size(); ++i)
+    buffers.keypoint_counts.push_back(neighbours[i].view.keypoint_count);
   buffers.queries.resize(static_cast<std::size_t>(slots) + 1);
   detail::list_unmapped(query.has_point.empty() ? nullptr : query.has_point.data(), query.view.keypoint_count,
                         buffers.queries.data());

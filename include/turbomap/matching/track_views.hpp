@@ -33,7 +33,8 @@ struct track_views {
     for (int i = begin + workers.number(); i < end; i += Workers::count) {
       const track_view& v = tracks.views[i];
       placed_view p{look_at(tracks.search.keyframes[v.keyframe], v.keypoint, tracks.search.sigma2), {}};
-      p.direction = transpose(camera(i).T_cw.R) * ((decision(1) / norm(p.seen.ray)) * p.seen.ray);
+      const decision length = norm(p.seen.ray);  // 0: the pixel has no ray, and its error is the worst
+      if (length > decision(0)) p.direction = transpose(camera(i).T_cw.R) * ((decision(1) / length) * p.seen.ray);
       tracks.placed_views[i] = p;
     }
     workers.meet();

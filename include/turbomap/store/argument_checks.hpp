@@ -23,6 +23,8 @@ inline void check_scales(const pyramid& scales) {
   require(scales.levels >= 1 && scales.levels <= scale_table_size, "options.scales.levels", scales.levels,
           "must be in [1, 256]: octaves are bytes");
   check_factor("options.scales.scale_factor", static_cast<double>(scales.scale_factor));
+  require(scales.levels == 1 || scales.scale_factor > 1, "options.scales.scale_factor", scales.scale_factor,
+          "must be above 1 where there are several levels");
 }
 
 /// Throws std::invalid_argument when a pose is not finite, or its quaternion not of unit length within 1e-3.

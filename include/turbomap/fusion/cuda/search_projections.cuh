@@ -18,7 +18,7 @@ TURBOMAP_BEGIN_NAMESPACE
 
 template <class Descriptor, class Camera>
 __global__ void __launch_bounds__(search_projections_tuning::threads)
-    search_projections_kernel(const __grid_constant__ projection_view<Descriptor, Camera> search,
+    search_projections_kernel(const TURBOMAP_GRID_CONSTANT projection_view<Descriptor, Camera> search,
                               int points_per_block) {
   constexpr int threads = search_projections_tuning::threads;
   __shared__ std::int32_t hopeful[search_projections_tuning::points];

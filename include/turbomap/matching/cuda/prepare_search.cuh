@@ -41,7 +41,7 @@ __device__ inline void list_candidates_of_block(const search_view<Descriptor, Ca
 
 template <class Descriptor, class Camera>
 __global__ void __launch_bounds__(prepare_search_tuning::threads)
-    prepare_search_kernel(const __grid_constant__ search_view<Descriptor, Camera> search) {
+    prepare_search_kernel(const TURBOMAP_GRID_CONSTANT search_view<Descriptor, Camera> search) {
   const int block = static_cast<int>(blockIdx.x), n = search.neighbour_count;
   if (block < n) return detail::list_candidates_of_block(search, block);
   const int i = (block - n) * prepare_search_tuning::threads + static_cast<int>(threadIdx.x);

@@ -49,13 +49,14 @@ __device__ __noinline__ bool consistent_pair(const search_view<Descriptor, Camer
 /// Searches `Queries` slots from `first` in neighbour n by one warp. \tparam Kept  how descriptors are kept
 template <class Kept, int Queries, class Descriptor, class Camera, class Entry>
 __device__ inline void search_of_warp(const search_view<Descriptor, Camera>& search, int n, int first, Entry* room) {
-  using found = found_candidate<typename Descriptor::distance_type>;
+  using distance = typename Descriptor::distance_type;
+  using found = found_candidate<distance>;
   const int lane = static_cast<int>(threadIdx.x) % warp_size;
   const int size = search.slot_count - first < Queries ? search.slot_count - first : Queries;
   const tie_rule ties = search.options.ties;
   const auto& neighbour = search.neighbour(n);
   const auto keypoint = [&](int q) { return search.queries[first + (q < size ? q : 0)]; };
-  pending_candidates<typename Descriptor::distance_type, Queries * warp_size> pending(room);
+  pending_candidates<distance, Queries * warp_size> pending(room);
   Kept query[Queries];
   found best[Queries];
 #pragma unroll
@@ -71,7 +72,7 @@ __device__ inline void search_of_warp(const search_view<Descriptor, Camera>& sea
       found of_query{mine.distance, good && mine.query == q ? mine.candidate : no_match};
       if (!__any_sync(whole_warp, of_query.keypoint != no_match)) continue;
       for (int lanes = warp_size / 2; lanes > 0; lanes /= 2) {
-        const found other{__shfl_xor_sync(whole_warp, of_query.distance, lanes),
+        const found other{static_cast<distance>(__shfl_xor_sync(whole_warp, of_query.distance, lanes)),
                           __shfl_xor_sync(whole_warp, of_query.keypoint, lanes)};
         if (other.wins(of_query, ties)) of_query = other;
       }
@@ -211,7 +212,7 @@ __device__ constexpr bool has_bit_tiles() {
 
 template <class Descriptor, class Camera>
 __global__ void __launch_bounds__(warp_size* search_exhaustive_tuning::warps, search_exhaustive_tuning::blocks)
-    search_exhaustive_kernel(const __grid_constant__ search_view<Descriptor, Camera> search) {
+    search_exhaustive_kernel(const TURBOMAP_GRID_CONSTANT search_view<Descriptor, Camera> search) {
   constexpr int warps = search_exhaustive_tuning::warps, of_warp = search_exhaustive_tuning::queries;
   constexpr int queries = warps * of_warp;
   using distance = typename Descriptor::distance_type;
