@@ -152,7 +152,7 @@ class context {
         upload_in_flight_(other.upload_in_flight_) {}
   /// Work that is still enqueued may use this memory: waits for it.
   ~context() {
-    if (resource_ != nullptr) wait_quietly();
+    if (resource_ != nullptr) settle();
   }
 
   /// As it was given; for thrust::seq one that does the same.
@@ -216,15 +216,16 @@ class context {
     turbomap::synchronize(policy_);
     upload_in_flight_ = false;
   }
-
- private:
-  void wait_quietly() noexcept {
+  /// The same in a destructor, or after an exception, so that nothing under way is still read or written. What fails is
+  /// reported by the next call of the stream.
+  void settle() noexcept {
     try {
       turbomap::synchronize(policy_);
-    } catch (...) {  // a destructor cannot report it; the next call of this stream does
+    } catch (...) {
     }
   }
 
+ private:
   kept_type policy_;
   std::pmr::memory_resource* resource_;
   std::pmr::memory_resource* staging_resource_;

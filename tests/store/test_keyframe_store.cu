@@ -6,7 +6,11 @@
 
 #include <thrust/system/cuda/execution_policy.h>
 
+#include <algorithm>
 #include <atomic>
+#include <cstddef>
+#include <thread>
+#include <vector>
 
 #include "keyframe_large_cases.hpp"
 #include "keyframe_paging_cases.hpp"
@@ -68,6 +72,39 @@ TEST_CASE("memory of an erased keyframe is not used again before the stream that
   CHECK(store.statistics().resident_blocks == 20);
   CHECK(store.insert(b.data()).slot == handle.slot);
   cudaFreeHost(copy);
+}
+
+TEST_CASE("a thread that has another device inserts into the store's, and keeps its own") {
+  int devices = 0;
+  turbomap::check_cuda(cudaGetDeviceCount(&devices), "count of the devices");
+  if (devices < 2) {
+    MESSAGE("skipped: one device only");
+    return;
+  }
+  const auto k = make_keyframe(1, 300);
+  const auto expected = packed(k);
+  turbomap::check_cuda(cudaSetDevice(1), "choice of a device");
+  {
+    sample_store<cuda> store;
+    turbomap::keyframe_handle handle{};
+    int device_after = -1;
+    std::thread tracking([&] {  // a new thread has device 0
+      handle = store.insert(k.data());
+      cudaGetDevice(&device_after);
+    });
+    tracking.join();
+    CHECK(device_after == 0);
+    turbomap::context<cuda> ctx;
+    const auto pinned = store.pin(ctx, handles{handle});
+    cudaPointerAttributes where{};
+    turbomap::check_cuda(cudaPointerGetAttributes(&where, pinned[0].pixel), "attributes of memory");
+    CHECK(where.device == 1);
+    std::vector<std::byte> copy(expected.size());
+    turbomap::copy_out(ctx.policy(), copy.data(), pinned[0].pixel, expected.size());
+    ctx.synchronize();
+    CHECK(std::equal(expected.begin(), expected.end(), copy.data()));
+  }
+  turbomap::check_cuda(cudaSetDevice(0), "choice of a device");
 }
 
 TEST_CASE("without room, the store waits for work that is under way rather than giving up") {

@@ -45,11 +45,7 @@ class block_sender {
   block_sender& operator=(const block_sender&) = delete;
   /// After an exception the caller may free what is still being copied: waits.
   ~block_sender() {
-    if (!borrowed_) return;
-    try {
-      ctx_.synchronize();
-    } catch (...) {  // the exception that is under way says more
-    }
+    if (borrowed_) ctx_.settle();
   }
   /// Enqueues the copy of a large array from where it is, if that is page-locked. False: put() it in its turn.
   template <class T>
@@ -70,6 +66,7 @@ class block_sender {
     } else if (staged_) {
       slot.copy(block_, from), end_ = slot.at + bytes;
     } else {
+      borrowed_ = true;  // from page-locked memory a copy is under way on return
       copy_in(ctx_.policy(), block_.resident + slot.at, from, bytes);
     }
     return slot.size == 0 ? nullptr : slot.resident(block_);

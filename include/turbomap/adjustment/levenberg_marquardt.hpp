@@ -54,7 +54,12 @@ class levenberg_marquardt {
   /// Iterates to the end. \tparam Solvers  methods that are compiled
   template <class Solvers>
   adjustment_summary run() {
-    summary_.end = start<Solvers>();
+    try {
+      summary_.end = start<Solvers>();
+    } catch (...) {
+      ctx_.settle();  // a report may be under way that the next call would take for its own
+      throw;
+    }
     ctx_.synchronize();  // something may have been computed ahead
     return std::move(summary_);
   }

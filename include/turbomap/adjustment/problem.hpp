@@ -179,6 +179,7 @@ void basic_bundle_problem<Memory, Frame, Groups...>::assign(context<Policy>& ctx
       ((finite = finite && resident_group<Groups, Frame, Memory>::all_finite(groups)), ...);
     }
   } catch (...) {
+    ctx.settle();  // the caller may free what is being copied
     data_.structure.frames = data_.structure.landmarks = 0;
     throw;
   }
@@ -206,6 +207,10 @@ void basic_bundle_problem<Memory, Frame, Groups...>::results(context<Policy>& ct
   const double* const of_rows = launch_chi2<Group>(ctx);
   const auto n = static_cast<std::size_t>(frame_count());
   const std::size_t rows = of_rows == nullptr ? 0 : std::get<Group>(data_.groups).size();
+  if constexpr (!is_host_accessible_v<Memory>) {  // before the first copy: none is under way where memory runs out
+    state_transfer_.resize_discard(n), transfer_.resize_discard(numbers_of_landmarks());
+    row_transfer_.resize_discard(2 * rows);
+  }
   const state* const x = ctx.on_host(data_.estimate.states(), n, state_transfer_);
   const double* const p = ctx.on_host(data_.estimate.landmarks(), numbers_of_landmarks(), transfer_);
   const double* const told = ctx.on_host(of_rows, 2 * rows, row_transfer_);

@@ -36,7 +36,7 @@
 TURBOMAP_BEGIN_NAMESPACE
 
 /// The store. `Memory` is host_memory for every host policy, device_memory for CUDA: `memory_of_t<Policy>`. A device
-/// store belongs to the device that is current when it is made.
+/// store belongs to the device that is current when it is made, whichever is current in a thread that inserts.
 ///
 /// All members may be called from any thread at any time, while contexts search what they have pinned. The lock is
 /// short: keyframes are packed and sent outside of it; only growth and paging happen inside. Neither copyable nor
@@ -68,12 +68,14 @@ class keyframe_store {
   /// out_of_memory when there is no room even with everything paged out that is not pinned; the store is then as it
   /// was. O(N + G log G).
   keyframe_handle insert(const data_type& data) {
+    const visit here(home_);
     loan lane(lanes_);
     return insert_through(*lane, data);
   }
   /// The same from the user's own type, read through keyframe_traits<KeyFrame> under its guard.
   template <class KeyFrame>
   keyframe_handle insert(const KeyFrame& keyframe) {
+    const visit here(home_);
     loan lane(lanes_);
     return insert_through(*lane, gather(keyframe, lane->buffer));
   }
@@ -147,6 +149,7 @@ class keyframe_store {
  private:
   friend class pinned_keyframes<Descriptor, Camera, Memory>;
   using record_type = pin_record<Descriptor, Camera, Memory>;
+  using visit = typename memory_home<Memory>::visit;
   using loan = typename insertion_lanes<Descriptor, Camera, Memory>::loan;
 
   /// A slot with a block that nobody else sees yet; undone unless published.
@@ -240,6 +243,7 @@ class keyframe_store {
   }
 
   keyframe_store_options options_;
+  memory_home<Memory> home_;
   mutable std::mutex mutex_;
   slot_table slots_;
   block_cache<Memory> blocks_;
@@ -267,6 +271,7 @@ keyframe_handle keyframe_store<Descriptor, Camera, Memory>::insert_through(
 template <class Descriptor, class Camera, class Memory>
 auto keyframe_store<Descriptor, Camera, Memory>::pin_behind(work_order<Memory> order,
                                                             span<const keyframe_handle> handles) -> pinned_type {
+  const visit here(home_);
   const std::lock_guard<std::mutex> lock(mutex_);
   poll();
   for (std::size_t i = 0; i < handles.size(); ++i)

@@ -46,6 +46,21 @@ class transfer_lane<host_memory> {
   void settle() noexcept {}
 };
 
+/// Where memory is taken, whichever thread asks: made when a store is.
+template <class Memory>
+class memory_home;
+
+/// There is one host.
+template <>
+class memory_home<host_memory> {
+ public:
+  /// Nothing to do.
+  struct visit {
+    explicit visit(const memory_home&) noexcept {}  ///< nothing to do
+    ~visit() {}
+  };
+};
+
 /// The order in which a policy's work is done: nothing for host policies, whose calls return when they are done; the
 /// stream of a CUDA policy.
 template <class Memory>

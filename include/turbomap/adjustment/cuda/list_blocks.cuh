@@ -118,6 +118,7 @@ bool launch_list_blocks(const thrust::cuda_cub::execution_policy<Derived>& polic
   const int blocks = frames * (frames - 1) / 2;
   const auto at = [](std::int64_t i) { return static_cast<std::size_t>(i); };
   const std::size_t table = at(frames) * at(s.landmarks);
+  if (table > tuning::most_of_table) return false;
   block_listing w{view.frame_slot,
                   view.slot_list,
                   view.slot_landmark,

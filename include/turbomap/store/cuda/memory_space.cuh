@@ -54,6 +54,36 @@ class transfer_lane<device_memory> {
   cudaStream_t stream_ = nullptr;
 };
 
+/// The device that is current when this is made.
+template <>
+class memory_home<device_memory> {
+ public:
+  memory_home() { check_cuda(cudaGetDevice(&device_), "look at the current device"); }
+  /// While it lives, the device is the thread's current one.
+  class visit {
+   public:
+    /// Throws device_error where the device cannot be chosen.
+    explicit visit(const memory_home& home) {
+      check_cuda(cudaGetDevice(&before_), "look at the current device");
+      if (before_ == home.device_) return;
+      check_cuda(cudaSetDevice(home.device_), "choice of the store's device");
+      away_ = true;
+    }
+    visit(const visit&) = delete;
+    visit& operator=(const visit&) = delete;
+    ~visit() {
+      if (away_) cudaSetDevice(before_);
+    }
+
+   private:
+    int before_ = 0;
+    bool away_ = false;
+  };
+
+ private:
+  int device_ = 0;
+};
+
 /// A CUDA policy's stream.
 template <>
 struct work_order<device_memory> {
