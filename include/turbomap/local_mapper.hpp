@@ -58,7 +58,8 @@ class local_mapper {
   using stage_map = typename working_map<Map>::type;
   using scope = mapping_scope<stage_map, Policy>;  ///< what a stage works on.
 
-  /// Refers to context, map and store. Throws std::invalid_argument naming an option that makes no sense.
+  /// Refers to context, map and store. Throws std::invalid_argument naming an option that makes no sense, and where store and stages
+  /// have different pyramids.
   local_mapper(context<Policy>& ctx, Map& map, store_type& store, const local_mapper_options& options = {},
                hooks_type hooks = {})
       : ctx_(ctx),
@@ -74,6 +75,17 @@ class local_mapper {
         due_(ctx) {
     static_assert(require_map_traits<Map>());
     check(options);
+    check_same_pyramid("store.options().packing.pyramid", store.options().packing.pyramid, options.search.scales);
+  }
+
+  /// Another store than the map's: says so.
+  template <class Store, class... Rest, class = std::enable_if_t<!std::is_same_v<Store, store_type>>>
+  local_mapper(context<Policy>& ctx, Map& map, Store&, Rest&&...)
+      : local_mapper(ctx, map, *static_cast<store_type*>(nullptr)) {
+    static_assert(sizeof(Store) == 0,
+                  "turbomap: the store must be a turbomap::store_of<Map, Policy>: the descriptor and camera of "
+                  "map_traits<Map>, in "
+                  "the memory of the policy");
   }
 
   /// Takes the immutable part of a keyframe into the store: from keyframe_data, or from the user's own type through
@@ -156,12 +168,13 @@ class local_mapper {
   }
 
   /// Adjusts the whole map that a keyframe is part of, on request: after a loop was closed, at the end of a session. See
-  /// global_adjustment for what moves and what is thrown. Then the appearances of what moved are computed. For the thread
+  /// global_adjustment for what moves and what is thrown. The pyramid is that of the mapper, all other options are its own. Then the appearances of what moved are computed. For the thread
   /// that calls process(), between two calls; held, ms (by the appearances), refused and points_updated of the last
   /// report() grow. An inertial mapper adjusts visually here too: velocities, biases and gravity are neither used nor changed
   /// (docs/inertial.md).
   /// \return what was done; stale: the keyframe is not in the map, or somebody moved a keyframe meanwhile
-  local_adjustment_summary adjust_globally(const keyframe& anyone, const global_adjustment_options& options) {
+  local_adjustment_summary adjust_globally(const keyframe& anyone, global_adjustment_options options) {
+    options.scales = options_.adjustment.scales;
     static_assert(adjusts, "turbomap: this local_mapper compiles no solver (no_adjustment)");
     require_idle("adjust_globally");
     const in_progress adjusting(*this);

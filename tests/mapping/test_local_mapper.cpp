@@ -994,6 +994,10 @@ TEST_CASE("bad options are refused when the mapper is made") {
   refuses([](auto& o) { o.checked_share = -0.01; });
   refuses([](auto& o) { o.checked_share = nan; });
   refuses([](auto& o) { o.extra_rounds = -1; });
+  refuses([](auto& o) { o.creation.scales.levels = 4; });
+  refuses([](auto& o) { o.fusion.search.scales.scale_factor = 1.5F; });
+  refuses([](auto& o) { o.adjustment.scales.scale_factor = 1.5F; });
+  refuses([](auto& o) { o.set_scales({1.5F, 4}); });  // the store has another pyramid
 }
 
 TEST_CASE("keyframes of the map that are not in the store are left out") {

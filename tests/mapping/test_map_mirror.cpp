@@ -357,6 +357,28 @@ TEST_CASE("an unreported change of a reference is seen before its keyframe goes"
   }
 }
 
+TEST_CASE("an edit that was reported by its point alone is not healed: it was known") {
+  mirrored_pointer_map m;
+  for (std::uint32_t k = 0; k < 6; ++k) turbomap_test::insert_keyframe(m, random_keypoints(k, 1, 8, 20), k, {});
+  const auto keyframe = [&](std::size_t k) { return m.number(&m.objects.keyframes[k]); };
+  const auto p = traits::add_point(m, {1, 2, 3}, keyframe(0));
+  for (std::size_t k = 0; k < 3; ++k) turbomap::observe(m, p, keyframe(k), 2);
+  for (std::size_t k = 0; k < 6; ++k) traits::alive(m, keyframe(k));  // all are read
+  auto* const object = &m.objects.points[0];
+  for (std::size_t k = 3; k < 6; ++k) turbomap::observe(m.objects, object, &m.objects.keyframes[k], 2);
+  SUBCASE("reported") {
+    m.changed(object);
+    m.begin();
+    for (int n = 0; n < 8; ++n) CHECK(m.check_sample(1) == 0);
+  }
+  SUBCASE("not reported") {
+    std::size_t healed = 0;
+    for (int n = 0; n < 8; ++n) healed += m.check_sample(1);
+    CHECK(healed > 0);
+  }
+  CHECK(differences(m) == 0);
+}
+
 TEST_CASE("places of keyframes that others erased are taken again after a mirror was emptied") {
   turbomap::mirror_keyframes<flat_map> places;
   const std::size_t none = places.size();

@@ -23,6 +23,13 @@
 
 namespace my {
 struct Point {};
+#ifdef NAMES_NOT_COMPARED
+struct PointName {
+  int index = -1;
+};
+#else
+using PointName = Point*;
+#endif
 struct KeyFrame {};
 struct Map {
   std::mutex mutex;
@@ -69,7 +76,7 @@ template <>
 struct turbomap::map_traits<my::Map> {
   using map = my::Map;
   using keyframe = my::KeyFrame*;
-  using point = my::Point*;
+  using point = my::PointName;
   using descriptor = turbomap::binary_descriptor<256>;
 #ifndef NO_CAMERA
   using camera = turbomap::pinhole<float>;

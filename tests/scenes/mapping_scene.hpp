@@ -267,10 +267,15 @@ class mapping_run {
               Policy policy = Policy(), turbomap::keyframe_store_options store_options = {})
       : scene_(scene),
         ctx(std::move(policy)),
-        store(store_options),
+        store(of_pyramid(store_options, scene.recipe().scales)),
         hooks_(std::move(more)),
         mapper(ctx, map, store, options, hooks()) {}
 
+  static turbomap::keyframe_store_options of_pyramid(turbomap::keyframe_store_options o,
+                                                     const turbomap::pyramid& scales) {
+    o.packing.pyramid = scales;
+    return o;
+  }
   /// Tracking: the next keyframe enters map and store, with its associations.
   keyframe track() {
     const keyframe k = add();

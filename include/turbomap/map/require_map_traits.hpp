@@ -50,6 +50,10 @@ template <class Map, template <class, class> class Member>
 using fit = typename fit_of_member<Member, Map, map_traits<Map>>::type;
 
 template <class M, class T>
+using equal_names = std::void_t<
+    if_converts<decltype(std::declval<const keyframe_of<T>&>() == std::declval<const keyframe_of<T>&>()), bool>,
+    if_converts<decltype(std::declval<const point_of<T>&>() == std::declval<const point_of<T>&>()), bool>>;
+template <class M, class T>
 using map_names = std::void_t<typename T::keyframe, typename T::point, typename T::descriptor, typename T::camera>;
 template <class M, class T>
 using needed_id_of_keyframe = fits<decltype(T::id(read_map<M>(), a_keyframe<T>())), std::uint64_t>;
@@ -115,15 +119,16 @@ inline constexpr bool fit_all_v = (fit<Map, Members>::value && ...);
 
 /// True when map_traits<Map> has every required member.
 template <class Map>
-inline constexpr bool has_map_traits_v = detail::map_has_v<Map, detail::map_names>&&
-    detail::map_has_v<Map, detail::descriptor_type_member>&& detail::describes_keypoints_v<Map>&& detail::fit_all_v<
-        Map, detail::needed_id_of_keyframe, detail::needed_alive_of_keyframe, detail::needed_pose,
-        detail::needed_point_at, detail::needed_id_of_point, detail::needed_alive_of_point, detail::needed_replacement,
-        detail::needed_position, detail::needed_normal, detail::needed_min_distance, detail::needed_max_distance,
-        detail::needed_descriptor_data, detail::needed_reference, detail::needed_for_each_observation,
-        detail::needed_add_point, detail::needed_set_appearance, detail::needed_set_reference, detail::needed_set_point,
-        detail::needed_add_observation, detail::needed_erase_observation, detail::needed_retire,
-        detail::needed_erase_keyframe>;
+inline constexpr bool has_map_traits_v =
+    detail::map_has_v<Map, detail::map_names>&& detail::map_has_v<Map, detail::equal_names>&&
+        detail::map_has_v<Map, detail::descriptor_type_member>&& detail::describes_keypoints_v<Map>&& detail::fit_all_v<
+            Map, detail::needed_id_of_keyframe, detail::needed_alive_of_keyframe, detail::needed_pose,
+            detail::needed_point_at, detail::needed_id_of_point, detail::needed_alive_of_point,
+            detail::needed_replacement, detail::needed_position, detail::needed_normal, detail::needed_min_distance,
+            detail::needed_max_distance, detail::needed_descriptor_data, detail::needed_reference,
+            detail::needed_for_each_observation, detail::needed_add_point, detail::needed_set_appearance,
+            detail::needed_set_reference, detail::needed_set_point, detail::needed_add_observation,
+            detail::needed_erase_observation, detail::needed_retire, detail::needed_erase_keyframe>;
 
 namespace detail {
 
@@ -152,6 +157,8 @@ constexpr bool require_map_traits() {
       "turbomap: map_traits needs `using keyframe`, `using point`, `using descriptor` and `using camera`; see "
       "docs/map.md");
   if constexpr (named) {
+    static_assert(detail::map_has_v<Map, detail::equal_names>,
+                  "turbomap: the names `keyframe` and `point` of map_traits need `operator==`; see docs/map.md");
     constexpr bool described = detail::map_has_v<Map, detail::descriptor_type_member>;
     static_assert(
         described,

@@ -99,7 +99,8 @@ class map_copy : public mirror_objects<Map> {
   // ---- read a keyframe now ----
 
   /// Pose and slots. \return whether anything was not as it was last seen
-  bool read_keyframe(std::size_t k) {
+  /// \param due_count  whether slots of points that are to be read anew, as was reported, count for that
+  bool read_keyframe(std::size_t k, bool due_count = true) {
     if (static_cast<std::int32_t>(k) == gone || !keyframes.alive(static_cast<std::int32_t>(k))) return false;
     const user_keyframe name = keyframes[k].name;
     if (!user_traits::alive(map(), name)) {
@@ -109,7 +110,7 @@ class map_copy : public mirror_objects<Map> {
     bool differs = read_pose(k, name);
     keypoints(k);
     keyframes[k].read = 0;  // until all of it is
-    for (std::size_t i = 0; i < keyframes[k].slots.size(); ++i) differs = read_slot(k, i, name) || differs;
+    for (std::size_t i = 0; i < keyframes[k].slots.size(); ++i) differs = read_slot(k, i, name, due_count) || differs;
     keyframes[k].read = 1;
     return differs;
   }
@@ -123,15 +124,17 @@ class map_copy : public mirror_objects<Map> {
     return !same;
   }
   /// One slot: points that came into it, or left it, are to be read anew. \return whether it was not as it was last seen
-  bool read_slot(std::size_t k, std::size_t i, const user_keyframe& name) {
+  bool read_slot(std::size_t k, std::size_t i, const user_keyframe& name, bool due_count = true) {
+    const std::size_t known = points.size();
     const point now = number_in_slot(k, i, user_traits::point_at(map(), name, i));
     point& slot = keyframes[k].slots[i];
     const point before = slot;
     slot = now;
     if (now == before) return false;
+    const bool due = is_due(before) || (at(now) < known && is_due(now));
     if (lists(before, k, i)) forget(before);
     if (!lists(now, k, i)) forget(now);
-    return true;
+    return due_count || !due;
   }
   /// Reads pose and slots of a keyframe that tracking hands over: its points are observed by it. That is all that tracking is
   /// taken to have changed of points that have been read before. In parts, between which others may change the user's map.
@@ -257,6 +260,8 @@ class map_copy : public mirror_objects<Map> {
   void forget_slots_of_old_list() {
     for (const observation& o : old_) keyframes[static_cast<std::size_t>(o.keyframe)].read = 0;
   }
+  /// Whether a point is to be read anew.
+  bool is_due(point p) const { return points.known(p) && points.entries[at(p)].read == 0; }
   /// What a slot holds now. Most often what it held before: its name tells, and nothing has to be looked up. Names are never used
   /// again (working_map.hpp): an equal name is the same point.
   point number_in_slot(std::size_t k, std::size_t i, const user_point& now) {

@@ -46,7 +46,7 @@ bool is_current(map_copy<Map>& copy, std::size_t p) {
 template <class Map>
 class mirror_sample {
  public:
-  /// The caller holds the guard. \return how many were out of date
+  /// The caller holds the guard. \return how many were out of date without a report
   std::size_t check(map_copy<Map>& copy, double share) {
     if (!(share > 0)) return 0;
     const std::size_t points = check_points(copy, share);
@@ -80,7 +80,7 @@ class mirror_sample {
     if (keyframes.size() <= 1) return 0;
     keyframe_ = keyframe_ + 1 < keyframes.size() ? keyframe_ + 1 : 1;
     if (!keyframes.alive(static_cast<std::int32_t>(keyframe_))) return 0;
-    if (keyframes[keyframe_].read != 0) return copy.read_keyframe(keyframe_) ? 1 : 0;
+    if (keyframes[keyframe_].read != 0) return copy.read_keyframe(keyframe_, false) ? 1 : 0;
     if (!map_traits<Map>::alive(copy.map(), keyframes[keyframe_].name)) copy.lose_keyframe(keyframe_);
     return 0;
   }
