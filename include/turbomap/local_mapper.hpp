@@ -168,10 +168,10 @@ class local_mapper {
   }
 
   /// Adjusts the whole map that a keyframe is part of, on request: after a loop was closed, at the end of a session. See
-  /// global_adjustment for what moves and what is thrown. The pyramid is that of the mapper, all other options are its own. Then the appearances of what moved are computed. For the thread
-  /// that calls process(), between two calls; held, ms (by the appearances), refused and points_updated of the last
-  /// report() grow. An inertial mapper adjusts visually here too: velocities, biases and gravity are neither used nor changed
-  /// (docs/inertial.md).
+  /// global_adjustment for what moves and what is thrown. The pyramid is that of the mapper, all other options are its own. Then the
+  /// appearances of what moved are computed. For the thread that calls process(), between two calls; held, ms (by the appearances),
+  /// refused and points_updated of the last report() grow. An inertial mapper adjusts visually here too: velocities, biases and
+  /// gravity are neither used nor changed (docs/inertial.md).
   /// \return what was done; stale: the keyframe is not in the map, or somebody moved a keyframe meanwhile
   local_adjustment_summary adjust_globally(const keyframe& anyone, global_adjustment_options options) {
     options.scales = options_.adjustment.scales;

@@ -37,8 +37,8 @@ struct inertial_recipe {
   std::int64_t step_ns = 250'000'000;  ///< between keyframes
 };
 
-/// Keyframes, every 0.25 s if not told otherwise, on a lively motion; each has points before it, which the others see where they can. Velocities and
-/// biases of the map are a little off, poses and points too.
+/// Keyframes, every 0.25 s if not told otherwise, on a lively motion; each has points before it, which the others see where they
+/// can. Velocities and biases of the map are a little off, poses and points too.
 struct inertial_map_scene {
   using keyframe = turbomap::map_keyframe_id;
   using point = turbomap::map_point_id;
