@@ -71,9 +71,11 @@ enum class member {
 
 struct some_keyframe {
   int number;
+  friend bool operator==(const some_keyframe& a, const some_keyframe& b) { return a.number == b.number; }
 };
 struct some_point {
   int number;
+  friend bool operator==(const some_point& a, const some_point& b) { return a.number == b.number; }
 };
 
 /// A map with traits that lack one member.
