@@ -24,7 +24,6 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Descriptor, class Camera, class Policy, class... Filters>
 void filter(context<Policy>& ctx, correspondences<Descriptor, Camera, Policy>& matches, const Filters&... filters) {
   (check_filter(matches, filters), ...);
-  if (matches.size() == 0) return;  // what was searched may be no more
   (apply_filter(ctx, matches, filters), ...);
 }
 

@@ -74,8 +74,8 @@ struct list_blocks_tuning {
   static constexpr int threads = 256;        ///< per block
   static constexpr int scan_threads = 1024;  ///< of the block that scans
   static constexpr int frames = 128;         ///< the most that the table has rows for
-  static constexpr std::size_t most_of_table = std::size_t{1}
-                                               << 26;  ///< its numbers, of 4 bytes each: the host's lists are smaller
+  /// Numbers of the table, of 4 bytes each: the host's lists are smaller where it would be larger.
+  static constexpr std::size_t most_of_table = std::size_t{1} << 26;
 };
 
 /// launch_order_observations: a warp per landmark compares each two of its rows, up to `most_rows`; a block per frame and kind
