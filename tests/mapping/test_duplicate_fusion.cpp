@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "duplicate_fusion_cases.hpp"
+#include "scenes/failing_map.hpp"
 #include "scenes/lying_map.hpp"
 #include "scenes/watched_map.hpp"
 #include "support/policies.hpp"
@@ -25,24 +26,7 @@ struct forgetful_map : flat_map {
   using flat_map::flat_map;
 };
 
-struct broken_write : std::runtime_error {
-  broken_write() : std::runtime_error("the traits throw") {}
-};
-/// Its traits throw where an observation is added, when told.
-struct failing_map : flat_map {
-  using flat_map::flat_map;
-  int adds_left = std::numeric_limits<int>::max();
-};
-
 }  // namespace turbomap_test
-
-template <>
-struct turbomap::map_traits<turbomap_test::failing_map> : turbomap::map_traits<turbomap_test::flat_map> {
-  static void add_observation(turbomap_test::failing_map& m, point p, keyframe k, std::size_t i) {
-    if (m.adds_left-- <= 0) throw turbomap_test::broken_write();
-    turbomap::map_traits<turbomap_test::flat_map>::add_observation(m, p, k, i);
-  }
-};
 
 template <>
 struct turbomap::map_traits<turbomap_test::forgetful_map> final  // final: what is deleted on purpose is no mistake

@@ -21,29 +21,10 @@
 #include <vector>
 
 #include "reference/fusion_commit_oracle.hpp"
+#include "scenes/failing_map.hpp"
 #include "scenes/lying_map.hpp"
 #include "scenes/map_scene.hpp"
 #include "scenes/pointer_map.hpp"
-
-namespace turbomap_test {
-
-struct broken_write : std::runtime_error {
-  broken_write() : std::runtime_error("the traits throw") {}
-};
-/// Its traits throw where an observation is added, when told.
-struct failing_map : flat_map {
-  int adds_left = std::numeric_limits<int>::max();
-};
-
-}  // namespace turbomap_test
-
-template <>
-struct turbomap::map_traits<turbomap_test::failing_map> : turbomap::map_traits<turbomap_test::flat_map> {
-  static void add_observation(turbomap_test::failing_map& m, point p, keyframe k, std::size_t i) {
-    if (m.adds_left-- <= 0) throw turbomap_test::broken_write();
-    turbomap::map_traits<turbomap_test::flat_map>::add_observation(m, p, k, i);
-  }
-};
 
 namespace {
 

@@ -337,12 +337,19 @@ TEST_CASE("what nobody reports: commits leave a sound map, and the sample check 
   CHECK(healed > 20);  // commits leave some of it, if not for every seed
 }
 
-TEST_CASE("an unreported change of a reference is seen before its keyframe goes") {
-  mirrored_pointer_map m;
-  for (std::uint32_t k = 0; k < 4; ++k) turbomap_test::insert_keyframe(m, random_keypoints(k, 1, 8, 20), k, {});
+/// A point that the first `observers` of so many new keyframes see.
+turbomap::map_point_id add_seen_point(mirrored_pointer_map& m, std::uint32_t keyframes, std::size_t observers) {
+  for (std::uint32_t k = 0; k < keyframes; ++k) turbomap_test::insert_keyframe(m, random_keypoints(k, 1, 8, 20), k, {});
   const auto keyframe = [&](std::size_t k) { return m.number(&m.objects.keyframes[k]); };
   const auto p = traits::add_point(m, {1, 2, 3}, keyframe(0));
-  for (std::size_t k = 0; k < 4; ++k) turbomap::observe(m, p, keyframe(k), 2);
+  for (std::size_t k = 0; k < observers; ++k) turbomap::observe(m, p, keyframe(k), 2);
+  return p;
+}
+
+TEST_CASE("an unreported change of a reference is seen before its keyframe goes") {
+  mirrored_pointer_map m;
+  const auto p = add_seen_point(m, 4, 4);
+  const auto keyframe = [&](std::size_t k) { return m.number(&m.objects.keyframes[k]); };
   auto& object = m.objects.points[0];
   SUBCASE("in a commit") {
     user_traits::set_reference(m.objects, &object, &m.objects.keyframes[3]);
@@ -359,11 +366,8 @@ TEST_CASE("an unreported change of a reference is seen before its keyframe goes"
 
 TEST_CASE("an edit that was reported by its point alone is not healed: it was known") {
   mirrored_pointer_map m;
-  for (std::uint32_t k = 0; k < 6; ++k) turbomap_test::insert_keyframe(m, random_keypoints(k, 1, 8, 20), k, {});
-  const auto keyframe = [&](std::size_t k) { return m.number(&m.objects.keyframes[k]); };
-  const auto p = traits::add_point(m, {1, 2, 3}, keyframe(0));
-  for (std::size_t k = 0; k < 3; ++k) turbomap::observe(m, p, keyframe(k), 2);
-  for (std::size_t k = 0; k < 6; ++k) traits::alive(m, keyframe(k));  // all are read
+  add_seen_point(m, 6, 3);
+  for (auto& k : m.objects.keyframes) traits::alive(m, m.number(&k));  // all are read
   auto* const object = &m.objects.points[0];
   for (std::size_t k = 3; k < 6; ++k) turbomap::observe(m.objects, object, &m.objects.keyframes[k], 2);
   SUBCASE("reported") {
