@@ -20,7 +20,6 @@
 #include <limits>
 #include <random>
 #include <set>
-#include <stdexcept>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -28,6 +27,7 @@
 
 #include <doctest/doctest.h>
 
+#include "scenes/failing_map.hpp"
 #include "scenes/map_scene.hpp"
 #include "scenes/mapping_scene.hpp"
 #include "scenes/watched_map.hpp"
@@ -35,10 +35,6 @@
 #include "support/fail_everywhere.hpp"
 
 namespace turbomap_test {
-
-struct broken_write : std::runtime_error {
-  broken_write() : std::runtime_error("the traits throw") {}
-};
 
 /// Knows who keeps keyframes, counts observations that are taken away while the guard is held once, and fails when told.
 struct parted_map : watched_map<turbomap::binary_descriptor<256>> {
