@@ -36,10 +36,14 @@ TEST_CASE("other cameras and descriptors") {
   projection_options options = wide();
   check_duplicate_tally(check_projection_scenes(sequential{}, std::vector{mixed_rig()}, crowded(40), options), 5, 0.01);
   options.max_distance = 2;
-  const auto t = check_projection_scenes<turbomap::real_descriptor<float, 64>>(
-      sequential{}, std::vector{pinhole_rig(50)}, crowded(50), options);
-  CHECK(t.differences == 0);
-  CHECK(t.outcomes[static_cast<std::size_t>(projection_outcome::lost)] > 5);
+  for (const double ratio : {1.0, 0.8}) {
+    options.max_ratio = ratio;
+    const auto t = check_projection_scenes<turbomap::real_descriptor<float, 64>>(
+        sequential{}, std::vector{pinhole_rig(50)}, crowded(50), options);
+    CHECK(t.differences == 0);
+    CHECK(t.outcomes[static_cast<std::size_t>(projection_outcome::lost)] > 5);
+    CHECK((t.outcomes[static_cast<std::size_t>(projection_outcome::ambiguous)] > 5) == (ratio < 1));
+  }
 }
 
 TEST_CASE_TEMPLATE("gate, ratio, octaves, without ranges", Policy, TURBOMAP_TEST_TWO_POLICIES) {

@@ -121,6 +121,8 @@ TEST_CASE_TEMPLATE("two keypoints of a rig are no point where another resembles 
     CHECK(more_alike > 50);
     CHECK(clearly > more_alike);
   }
+  const auto real = check_lookalikes<turbomap::real_descriptor<float, 64>>(Policy{}, fisheye_rig(), 0.8);
+  CHECK(refused(real) > 50);
 }
 
 TEST_CASE("a track of two views is decided as a pair") {

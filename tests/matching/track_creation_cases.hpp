@@ -19,14 +19,14 @@ struct points_of_tracks {
   std::vector<std::uint8_t> kept;
 };
 
-template <class Policy, class Camera>
-points_of_tracks create_tracks_under(const Policy& policy, const scene<orb, Camera>& s,
+template <class Policy, class Descriptor, class Camera>
+points_of_tracks create_tracks_under(const Policy& policy, const scene<Descriptor, Camera>& s,
                                      turbomap::search_options options, const turbomap::creation_options& creation) {
   options.across_rig = true;
   turbomap::context<Policy> ctx(policy);
-  const resident_scene<orb, Camera, Policy> keyframes(ctx, s);
+  const resident_scene<Descriptor, Camera, Policy> keyframes(ctx, s);
   const auto found = turbomap::search_correspondences(ctx, keyframes.query(), keyframes.neighbours(), options);
-  turbomap::match_tracks<orb, Camera, Policy> joined(ctx);
+  turbomap::match_tracks<Descriptor, Camera, Policy> joined(ctx);
   turbomap::join_tracks(ctx, found, joined);
   turbomap::track_creation<Policy> made(ctx);
   turbomap::create_track_points(ctx, found, joined, creation, made);
@@ -53,8 +53,8 @@ inline void check_track_points(const track_point_tally& t, long least) {
 }
 
 /// Points under `policy` == points under thrust::seq, to the last bit, and == the oracle.
-template <class Policy, class Camera>
-void check_track_creation(const Policy& policy, scene<orb, Camera>& s, turbomap::search_options options,
+template <class Policy, class Descriptor, class Camera>
+void check_track_creation(const Policy& policy, scene<Descriptor, Camera>& s, turbomap::search_options options,
                           turbomap::creation_options creation, track_point_tally& t) {
   options.scales = creation.scales = s.scales();
   const auto got = create_tracks_under(policy, s, options, creation);
@@ -67,7 +67,7 @@ void check_track_creation(const Policy& policy, scene<orb, Camera>& s, turbomap:
           CHECK(got.kept[static_cast<std::size_t>(i)] == expected.kept[static_cast<std::size_t>(i)]);
   }
   const auto neighbours = s.neighbours();
-  const auto expected = track_creation_oracle<orb, Camera>(s.query(), neighbours, got.tracks, creation, options);
+  const auto expected = track_creation_oracle<Descriptor, Camera>(s.query(), neighbours, got.tracks, creation, options);
   REQUIRE(expected.size() == got.points.size());
   for (std::size_t k = 0; k < expected.size(); ++k) {
     const auto& e = expected[k];
@@ -103,7 +103,7 @@ void check_track_creation(const Policy& policy, scene<orb, Camera>& s, turbomap:
 
 /// Points of a rig whose keypoints look alike, so that its two cameras match a lot: by the gates of a search, by wide ones, and where
 /// many rays count as parallel.
-template <class Policy, class Camera>
+template <class Descriptor = orb, class Policy, class Camera>
 track_point_tally check_lookalikes(const Policy& policy, const test_rig<Camera>& rig, double ratio) {
   track_point_tally t;
   turbomap::creation_options creation;
@@ -114,7 +114,7 @@ track_point_tally check_lookalikes(const Policy& policy, const test_rig<Camera>&
     scene_recipe recipe;
     recipe.seed = seed, recipe.neighbours = 1, recipe.mapped = 0.1, recipe.prototypes = 60;
     recipe.query_keypoints = 1000, recipe.neighbour_keypoints = 50;
-    scene<orb, Camera> s(rig, recipe);
+    scene<Descriptor, Camera> s(rig, recipe);
     creation.known_chi2 = seed == 82 ? 500 : turbomap::creation_options{}.known_chi2;  // many are beside a match
     for (const auto& gates : {turbomap::search_options{}, wide_gates(), parallel})
       check_track_creation(policy, s, gates, creation, t);

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "descriptor_oracle.hpp"
 #include "search_oracle.hpp"
 
 namespace turbomap_test {
@@ -66,8 +67,7 @@ bool oracle_keeps(filter_input<D, C>& in, const typename filter_input<D, C>::mat
   bool keep = true;
   const int count = in.neighbours[static_cast<std::size_t>(m.neighbour)].view.keypoint_count;
   for (int j = 0; j < count; ++j)
-    if (j != m.candidate &&
-        m.distance > turbomap::detail::ratio_of<D>(f.ratio) * in.distance(m.neighbour, m.query, j) &&
+    if (j != m.candidate && above_ratio<D>(m.distance, f.ratio, in.distance(m.neighbour, m.query, j), calls) > 0 &&
         in.compared(m.neighbour, m.query, j))
       keep = !in.consistent(m.neighbour, m.query, j, calls) && keep;
   in.note(m, calls);

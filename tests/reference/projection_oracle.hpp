@@ -14,6 +14,7 @@
 #include <tuple>
 #include <vector>
 
+#include "descriptor_oracle.hpp"
 #include "two_views.hpp"
 #include "uncertainty_oracle.hpp"
 
@@ -174,7 +175,8 @@ oracle_trial<Descriptor> oracle_projection(const turbomap::map_point_view<Descri
   if (trial.keypoint < 0) return ends(projection_outcome::no_consistent_keypoint, calls);
   if (!(static_cast<double>(trial.distance) <= options.max_distance))
     return ends(projection_outcome::too_different, calls);
-  const bool clear = options.max_ratio == 1 || static_cast<double>(trial.distance) <= options.max_ratio * second;
+  const bool clear =
+      options.max_ratio == 1 || above_ratio<Descriptor>(trial.distance, options.max_ratio, second, calls) <= 0;
   return ends(clear ? projection_outcome::matched : projection_outcome::ambiguous, calls);
 }
 

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "creation_oracle.hpp"
+#include "descriptor_oracle.hpp"
 #include "search_oracle.hpp"
 
 namespace turbomap_test {
@@ -244,7 +245,7 @@ bool lookalike_oracle(const turbomap::posed_keyframe<Descriptor, Camera>& keyfra
     const auto pair = make_oracle_pair(keyframe, view.camera_of(i), keyframe, view.camera_of(match));
     for (int j = 0; j < view.keypoint_count; ++j) {
       if (j == match || view.camera_of(j) != view.camera_of(match)) continue;
-      if (alike(i, match) < turbomap::detail::ratio_of<Descriptor>(options.lookalike_ratio) * alike(i, j)) continue;
+      if (above_ratio<Descriptor>(alike(i, match), options.lookalike_ratio, alike(i, j), calls) < 0) continue;
       const double sigma2 = static_cast<double>(oracle_sigma2(options.scales, view.octave[j]) +
                                                 oracle_sigma2(options.scales, view.octave[match]));
       if (calls.at_most((pixel_of(view, j) - pixel_of(view, match)).squaredNorm(), options.known_chi2 * sigma2))
