@@ -118,6 +118,26 @@ TEST_CASE("an emptied store is as a new one, but for what is pinned") {
   CHECK_FALSE(store.contains(again));
 }
 
+TEST_CASE("how the first camera of a keyframe is mounted is known while the keyframe is there") {
+  sample_store<sequential> store;
+  handles all;
+  for (int i = 0; i < 5; ++i) {
+    auto k = make_keyframe(1, 10);
+    k.cameras[0].T_camera_body.tx = i;
+    all.push_back(store.insert(k.data()));
+  }
+  for (int i = 0; i < 5; ++i) CHECK(store.first_camera(all[static_cast<std::size_t>(i)]).tx == i);
+  store.erase(all[1]);
+  CHECK_THROWS_AS(store.first_camera(all[1]), turbomap::stale_handle);
+  CHECK_THROWS_AS(store.first_camera({}), turbomap::stale_handle);
+  CHECK_THROWS_AS(store.first_camera({all[2].slot, 0}), turbomap::stale_handle);
+  const auto again = store.insert(make_keyframe(1, 10).data());
+  CHECK(again.slot == all[1].slot);
+  CHECK_THROWS_AS(store.first_camera(all[1]), turbomap::stale_handle);
+  store.clear();
+  CHECK_THROWS_AS(store.first_camera(all[2]), turbomap::stale_handle);
+}
+
 TEST_CASE("generations: a slot whose generations are used up is never used again") {
   turbomap::slot_table table(3);
   const auto slot = table.acquire();

@@ -56,7 +56,7 @@ class neighbour_search {
     const auto& near =
         neighbourhood_.neighbours(s.map, query, options.neighbourhood, [&](keyframe k) { return s.can_use(k); });
     const std::size_t most = fitting(near.size());
-    gather(s.map, s.stored, query, near, options, most);
+    gather(s, query, near, options, most);
     return most < near.size() && neighbour_count() == most;
   }
   /// Searches what was copied. Waits for the end. The matches stay until the next search.
@@ -94,14 +94,15 @@ class neighbour_search {
   known_points points() const { return stopped() ? known_points{} : known_points{point_numbers_, point_offsets_}; }
 
  private:
-  void gather(const Map& map, const handle_table& stored, keyframe query, const list_of<keyframe>& neighbours,
+  void gather(const scope& s, keyframe query, const list_of<keyframe>& neighbours,
               const neighbour_search_options& options, std::size_t most) {
-    stored.at(traits::id(map, query));                             // throws when it is not there
-    selection_.place(map, query, stored);                          // throws when it has no pose
-    const rigid_transform<double> T_query = selection_.T_cw()[0];  // a copy: the list grows
+    const Map& map = s.map;
+    s.stored.at(traits::id(map, query));     // throws when it is not there
+    selection_.place(map, query, s.stored);  // throws when it has no pose
+    const rigid_transform<double> T_query = first_camera(s, query);
     for (const keyframe& n : neighbours) {
       if (selection_.size() > most) break;
-      if (suffices(map, T_query, n, options)) selection_.place(map, n, stored);
+      if (suffices(s, T_query, n, options)) selection_.place(map, n, s.stored);
     }
     numbers_.clear(), point_numbers_.clear(), point_offsets_.clear();
     masks_.clear(), begin_.assign(1, 0);
@@ -118,9 +119,17 @@ class neighbour_search {
       }
     }
   }
-  bool suffices(const Map& map, const rigid_transform<double>& T_query, keyframe n,
+  /// World to the first camera of a keyframe that is in the store: parallax and depth are a camera's, and its body may be anywhere.
+  static rigid_transform<double> first_camera(const scope& s, keyframe k) {
+    const auto T_camera_body = s.store.first_camera(s.stored.at(traits::id(s.map, k)));
+    const auto T_cw = pose_of(s.map, k);
+    if (is_same_pose(T_camera_body, rigid_transform<double>{})) return T_cw;  // to the last bit
+    return to_rigid_transform(to_isometry<double>(T_camera_body) * to_isometry<double>(T_cw));
+  }
+  bool suffices(const scope& s, const rigid_transform<double>& T_query, keyframe n,
                 const neighbour_search_options& options) {
-    const auto T_n = pose_of(map, n);
+    const Map& map = s.map;
+    const auto T_n = first_camera(s, n);
     if (options.stereo_baseline > 0) return baseline_suffices_stereo(T_query, T_n, options.stereo_baseline);
     points_.clear();
     for (std::size_t i = 0; i < keypoint_count_of(map, n); ++i) {

@@ -19,7 +19,8 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Distance between the centres of two keyframes, m.
+/// Distance between the centres of two keyframes, m. Poses here map world to camera: where the body is not the camera, T_camera_body
+/// times T_cw.
 inline double baseline(const rigid_transform<double>& T_aw, const rigid_transform<double>& T_bw) {
   return norm(camera_centre(to_isometry<double>(T_aw)) - camera_centre(to_isometry<double>(T_bw)));
 }

@@ -86,8 +86,7 @@ class keyframe_store {
     const std::lock_guard<std::mutex> lock(mutex_);
     poll();
     require_alive(handle, "handle");
-    slots_.retire(handle.slot);
-    if (!blocks_.pinned(handle.slot)) reclaim(handle.slot);
+    retire(handle.slot);
   }
 
   /// Removes all keyframes, as erase() does one by one. A mapper whose keyframes are in this store has none then: remove() them, or
@@ -96,9 +95,7 @@ class keyframe_store {
     const std::lock_guard<std::mutex> lock(mutex_);
     poll();
     for (std::uint32_t slot = 0; slot < slots_.slot_count(); ++slot) {
-      if (!slots_.alive(slot)) continue;
-      slots_.retire(slot);
-      if (!blocks_.pinned(slot)) reclaim(slot);
+      if (slots_.alive(slot)) retire(slot);
     }
   }
 
@@ -122,6 +119,17 @@ class keyframe_store {
   bool contains(keyframe_handle handle) const {
     const std::lock_guard<std::mutex> lock(mutex_);
     return alive(handle);
+  }
+  /// How the first camera of a keyframe's rig is mounted: maps body to camera, metres. Throws stale_handle. Does not wait for what pages
+  /// or uploads.
+  rigid_transform<double> first_camera(keyframe_handle handle) const {
+    {
+      const std::lock_guard<std::mutex> lock(mounts_mutex_);
+      if (handle.slot < mounts_.size() && handle.generation != 0 &&
+          mounts_[handle.slot].generation == handle.generation)
+        return mounts_[handle.slot].T_camera_body;
+    }
+    throw stale(handle, "handle");
   }
   /// Keyframes that have not been erased.
   std::size_t size() const {
@@ -161,6 +169,8 @@ class keyframe_store {
       slot_ = store.slots_.acquire();
       try {
         if (store.layouts_.size() <= slot_) store.layouts_.resize(std::size_t{slot_} + 1);
+        const std::lock_guard<std::mutex> mounts_lock(store.mounts_mutex_);
+        if (store.mounts_.size() <= slot_) store.mounts_.resize(std::size_t{slot_} + 1);
         store.waiting_for_room([&] { block_ = store.blocks_.place(slot_, layout.bytes); });
       } catch (...) {
         store.slots_.recycle(slot_);
@@ -176,12 +186,16 @@ class keyframe_store {
       store_.unpin(slot_);
     }
     std::byte* block() const { return block_; }
-    keyframe_handle publish() {
+    keyframe_handle publish(const rigid_transform<double>& T_camera_body) {
       const std::lock_guard<std::mutex> lock(store_.mutex_);
       published_ = true;
       ++store_.uploads_;
       store_.slots_.publish(slot_);
       const keyframe_handle handle{slot_, store_.slots_.generation(slot_)};
+      {
+        const std::lock_guard<std::mutex> mounts_lock(store_.mounts_mutex_);
+        store_.mounts_[slot_] = {handle.generation, T_camera_body};
+      }
       store_.unpin(slot_);
       return handle;
     }
@@ -204,14 +218,24 @@ class keyframe_store {
 
   // What follows is called under the lock.
 
+  void retire(std::uint32_t slot) {
+    slots_.retire(slot);
+    {
+      const std::lock_guard<std::mutex> mounts_lock(mounts_mutex_);
+      mounts_[slot].generation = 0;
+    }
+    if (!blocks_.pinned(slot)) reclaim(slot);
+  }
   bool alive(keyframe_handle handle) const { return slots_.alive(handle.slot, handle.generation); }
-  /// Throws stale_handle naming the argument, slot and generation.
   void require_alive(keyframe_handle handle, const char* argument) const {
-    if (alive(handle)) return;
+    if (!alive(handle)) throw stale(handle, argument);
+  }
+  /// Names the argument, slot and generation.
+  static stale_handle stale(keyframe_handle handle, const char* argument) {
     std::string text = "turbomap: ";
     text.append(argument).append(" = {slot ").append(printed(handle.slot)).append(", generation ");
     text.append(printed(handle.generation)).append("}: no such keyframe: it was erased, or is of another store");
-    throw stale_handle(text);
+    return stale_handle(text);
   }
 
   struct unpinning {
@@ -248,6 +272,13 @@ class keyframe_store {
   slot_table slots_;
   block_cache<Memory> blocks_;
   plain_vector<keyframe_layout> layouts_;  // by slot
+  /// Of the keyframe in a slot.
+  struct mount {
+    std::uint32_t generation = 0;  // 0: none
+    rigid_transform<double> T_camera_body;
+  };
+  mutable std::mutex mounts_mutex_;  // a lock of their own: who asks may hold the map's guard
+  plain_vector<mount> mounts_;       // by slot
   pin_records<Descriptor, Camera, Memory> pins_;
   insertion_lanes<Descriptor, Camera, Memory> lanes_;
   std::uint64_t uploads_ = 0;
@@ -265,7 +296,7 @@ keyframe_handle keyframe_store<Descriptor, Camera, Memory>::insert_through(
   pack_keyframe(data, layout, lane.scratch, host);
   lane.transfer.upload(place.block(), host, layout.bytes);
   lane.transfer.wait();
-  return place.publish();
+  return place.publish(data.cameras[0].T_camera_body);
 }
 
 template <class Descriptor, class Camera, class Memory>
