@@ -28,7 +28,8 @@ int main(int argc, char** argv) {
       "  turbomap-reduce RECORDING --out SMALL --command 'timeout 60 my_slam {}' --status 139    a crash (128 + signal "
       "11)");
   app.add_option("RECORDING", recording, "Directory of the recording")->required();
-  app.add_option("--out", out, "Directory of the smaller one; replaced if it is there")->required();
+  app.add_option("--out", out, "Directory of the smaller one; one that is there is replaced if it holds nothing else")
+      ->required();
   app.add_option("--command", command, "Shell command that fails; {} stands for the recording")->required();
   app.add_option("--status", status, "Exit status of the failure (not given: the command's on the whole recording)")
       ->check(CLI::Range(1, 255));
@@ -37,9 +38,6 @@ int main(int argc, char** argv) {
     std::error_code ignored;
     if (std::filesystem::exists(out, ignored) && std::filesystem::equivalent(recording, out, ignored))
       throw std::invalid_argument("--out: is the recording itself");
-    if (std::filesystem::exists(out, ignored) &&
-        !std::filesystem::exists(std::filesystem::path(out) / "meta.json", ignored))
-      throw std::invalid_argument("--out: " + out + " is there, and is no recording");
 
     const turbomap::recording whole = turbomap::read_recording(recording);
     const auto tell = [&](const turbomap_reduce::reduction& so_far) {

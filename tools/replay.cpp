@@ -34,17 +34,49 @@ outcome run(const arguments& a) {
   return turbomap_replay::run_host(a);
 }
 
-/// The host policies that this program was built with, without `first`.
-std::vector<std::string> other_policies(const std::string& first) {
-  std::vector<std::string> others{"seq"};
+/// The host policies that this program was built with.
+std::vector<std::string> host_policies() {
+  std::vector<std::string> names{"seq"};
 #if defined(TURBOMAP_WITH_OPENMP)
-  others.push_back("omp");
+  names.push_back("omp");
 #endif
 #if defined(TURBOMAP_WITH_TBB)
-  others.push_back("tbb");
+  names.push_back("tbb");
 #endif
-  others.erase(std::remove(others.begin(), others.end(), first), others.end());
+  return names;
+}
+
+/// The policies of --beside; `all` are the host policies that are not named yet, without `first`.
+std::vector<std::string> other_policies(const std::vector<std::string>& beside, const std::string& first) {
+  std::vector<std::string> built = host_policies(), others;
+#if defined(TURBOMAP_PROGRAM_WITH_CUDA)
+  built.push_back("cuda");
+#endif
+  const auto add = [&](const std::string& name) {
+    if (std::find(built.begin(), built.end(), name) == built.end())
+      throw std::invalid_argument("--beside " + name + ": this program was built without it");
+    others.push_back(name);
+  };
+  for (const std::string& name : beside)
+    if (name != "all")
+      add(name);
+    else
+      for (const std::string& host : host_policies())
+        if (host != first && std::find(others.begin(), others.end(), host) == others.end()) add(host);
   return others;
+}
+
+/// Throws for the first of these options that is given: it does nothing `with` another.
+void refuse(const std::vector<std::pair<const char*, bool>>& options, const char* with) {
+  for (const auto& [name, given] : options)
+    if (given) throw std::invalid_argument(std::string(name) + ": not together with " + with);
+}
+
+/// Throws where an output has no folder, before the replay instead of after it.
+void require_folders(const arguments& a) {
+  for (const auto* output : {&a.json, &a.report, &a.ply, &a.trajectory, &a.growth_file})
+    if (output->has_parent_path() && !std::filesystem::is_directory(output->parent_path()))
+      throw std::invalid_argument(output->string() + ": its folder does not exist");
 }
 
 /// The same replay under more policies; prints the times of all and adds the others' to the JSON. What the first replay found
@@ -205,9 +237,9 @@ int main(int argc, char** argv) {
                  "projected into the keyframe")
       ->check(CLI::IsMember({"recorded", "projected"}));
   std::string points = "exact", fused = "exact";
-  app.add_option("--points", points,
-                 "how well tracking knows the points of the map: exactly, or as their covariances say")
-      ->check(CLI::IsMember({"exact", "uncertain"}));
+  auto* known = app.add_option("--points", points,
+                               "how well tracking knows the points of the map: exactly, or as their covariances say")
+                    ->check(CLI::IsMember({"exact", "uncertain"}));
   app.add_option("--fusion-points", fused, "how well fusion's gate knows them")
       ->check(CLI::IsMember({"exact", "uncertain"}));
   app.add_flag("--queue", a.queue, "keyframes come in recorded time: stages are skipped while one waits");
@@ -258,9 +290,12 @@ int main(int argc, char** argv) {
     if ((a.balanced || a.accurate) && rounds->count() == 0) a.global_rounds = 3;
     a.global_end = global == "end";
     if (!global.empty() && !a.global_end) a.global_every = std::stoi(global);
+    if (global.empty() && a.global_rounds != 0)
+      throw std::invalid_argument("--global-rounds: not without --global-adjustment");
+    const bool compares = !a.beside.empty();
+    a.beside = other_policies(a.beside, a.policy);
     const bool cuda = a.policy == "cuda" || std::count(a.beside.begin(), a.beside.end(), "cuda") != 0;
-    if (a.objects && (a.check || cuda))
-      throw std::invalid_argument("--map objects: not together with --check or the policy cuda");
+    if (a.objects && cuda) throw std::invalid_argument("--map objects: not together with the policy cuda");
     if (a.accurate && a.culling_observers >= 0 && a.culling_share < 0)
       throw std::invalid_argument("--culling-observers: with --preset accurate not without --culling-share");
     const auto chosen = [](const CLI::Option* option, bool value) {
@@ -268,13 +303,15 @@ int main(int argc, char** argv) {
       return option->count() == 0 ? choice::by_recording : value ? choice::yes : choice::no;
     };
     a.imu = chosen(imu, uses_imu), a.pixel_centres = chosen(pixel_centres, centres);
-    if (centres && a.check) throw std::invalid_argument("--pixel-centres: not together with --check");
-    if (a.error_parts && a.check) throw std::invalid_argument("--error-parts: not together with --check");
-    if (!a.right_distortion.empty() && a.check)
-      throw std::invalid_argument("--right-distortion: not together with --check");
-    if (a.check) a.pixel_centres = turbomap_replay::choice::no;
     if (a.check) {
-      if (uses_imu) throw std::invalid_argument("--imu: not together with --check");
+      refuse({{"--map objects", a.objects},
+              {"--pixel-centres", centres},
+              {"--error-parts", a.error_parts},
+              {"--right-distortion", !a.right_distortion.empty()},
+              {"--imu", uses_imu},
+              {"--beside", compares}},
+             "--check");
+      a.pixel_centres = turbomap_replay::choice::no;
       if (a.imu == turbomap_replay::choice::by_recording) a.without_imu = "--check";
       a.imu = turbomap_replay::choice::no;
     }
@@ -282,24 +319,21 @@ int main(int argc, char** argv) {
       throw std::invalid_argument("--imu-noise: the replay is without an IMU");
     a.growth = a.growth || !a.growth_file.empty();
     a.projected = associate == "projected";
-    a.uncertain_tracking = points == "uncertain" || a.balanced || a.accurate, a.uncertain_fusion = fused == "uncertain";
+    a.uncertain_tracking = points == "uncertain" || (known->count() == 0 && (a.balanced || a.accurate));
+    a.uncertain_fusion = fused == "uncertain";
     if (a.recording.empty()) a.recording = demo_recording(argv[0]);
 
-    if (a.beside == std::vector<std::string>{"all"}) a.beside = other_policies(a.policy);
-    if (a.check && !a.beside.empty()) throw std::invalid_argument("--beside: not together with --check");
-
-    if (mappers > 1) {  // what is of one replay
-      const std::pair<const char*, bool> of_one[] = {{"--check", a.check},
-                                                     {"--beside", !a.beside.empty()},
-                                                     {"--growth", a.growth},
-                                                     {"--report", !a.report.empty()},
-                                                     {"--ply", !a.ply.empty()},
-                                                     {"--trajectory", !a.trajectory.empty()},
-                                                     {"--error-parts", a.error_parts},
-                                                     {"--merge-causes", a.merge_causes}};
-      for (const auto& [name, given] : of_one)
-        if (given) throw std::invalid_argument(std::string(name) + ": not together with --mappers");
-    }
+    if (mappers > 1)
+      refuse({{"--check", a.check},
+              {"--beside", compares},
+              {"--growth", a.growth},
+              {"--report", !a.report.empty()},
+              {"--ply", !a.ply.empty()},
+              {"--trajectory", !a.trajectory.empty()},
+              {"--error-parts", a.error_parts},
+              {"--merge-causes", a.merge_causes}},
+             "--mappers");
+    require_folders(a);
     outcome result = mappers > 1 ? turbomap_replay::replay_side_by_side(a, mappers, run) : run(a);
     if (a.check)
       std::printf("%s\n%s\n", result.json.dump(2).c_str(), result.good ? "check: all agree" : "check: FAILED");

@@ -6,13 +6,27 @@
 /// How every program reads its command line, and says what is wrong with its input.
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
+#include <stdexcept>
 #include <string>
 
 #include <CLI/CLI.hpp>
 
 namespace turbomap_program {
+
+/// Throws for an option whose value is nan or inf: ranges let nan pass.
+inline void require_finite_options(const CLI::App& app) {
+  for (const CLI::Option* option : app.get_options())
+    for (const std::string& value : option->results()) {
+      char* end = nullptr;
+      const double number = std::strtod(value.c_str(), &end);
+      if (end != value.c_str() && *end == '\0' && !std::isfinite(number))
+        throw std::invalid_argument(option->get_name() + ": " + value + " is not a finite number");
+    }
+}
 
 /// Parses the command line, and calls run(), which returns the exit status. What is thrown becomes one line on stderr, whatever
 /// the message was.
@@ -23,6 +37,7 @@ int run_program(CLI::App& app, int argc, char** argv, Run run) {
   std::string message;
   try {
     app.parse(argc, argv);
+    require_finite_options(app);
     return run();
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);  // --help

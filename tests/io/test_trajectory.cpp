@@ -126,3 +126,45 @@ TEST_CASE("the trajectory error is what one rigid alignment leaves") {
   truth.pop_back();
   CHECK_THROWS_AS(turbomap::absolute_trajectory_error(moved, truth), std::invalid_argument);
 }
+
+TEST_CASE("keyframes count where ground truth says where the camera was") {
+  turbomap::recording r;
+  const auto at = [](double t) { return turbomap::vec3<double>{std::cos(t), 0.3 * t, std::sin(2 * t)}; };
+  const auto add_truth = [&](double t) {
+    const auto p = at(t);
+    r.gt_t_ns.push_back(static_cast<std::int64_t>(1e9 * t) + 7), r.gt_T_wb.push_back({p.x, p.y, p.z, 1, 0, 0, 0});
+  };
+  for (int i = 100; i < 1000; ++i)
+    if (i < 400 || i > 600) add_truth(0.01 * i);  // seconds 1 to 10, but for 4 to 6
+  for (int i = 0; i < 48; ++i) {
+    const double t = 0.25 * i + 0.125 * (i % 2);
+    const auto p = at(t);
+    r.t_ns.push_back(static_cast<std::int64_t>(1e9 * t));
+    r.T_cw.push_back({0, 0, 0, 1, static_cast<float>(-p.x), static_cast<float>(-p.y), static_cast<float>(-p.z)});
+  }
+  const auto covered = [&](double t) { return (t >= 1 && t < 4) || (t > 6 && t < 9.995); };
+  int count = 0;
+  for (std::size_t i = 0; i < r.t_ns.size(); ++i) {
+    const double t = 1e-9 * static_cast<double>(r.t_ns[i]);
+    const auto centre = turbomap::true_camera_centre(r, r.t_ns[i]);
+    CAPTURE(t);
+    REQUIRE(centre.has_value() == covered(t));
+    if (!centre) continue;
+    ++count;
+    CHECK(std::hypot(centre->x - at(t).x, centre->y - at(t).y, centre->z - at(t).z) < 1e-4);
+  }
+  CHECK(count > 20);
+  CHECK(turbomap::keyframe_trajectory_error(r, r.T_cw) < 1e-4);
+  std::vector<std::uint8_t> uncovered(r.t_ns.size());
+  for (std::size_t i = 0; i < uncovered.size(); ++i) uncovered[i] = !covered(1e-9 * static_cast<double>(r.t_ns[i]));
+  CHECK(std::isnan(turbomap::keyframe_trajectory_error(r, r.T_cw, uncovered)));
+
+  // Times in files are rounded; a clock may run over its whole range.
+  CHECK(turbomap::true_camera_centre(r, r.gt_t_ns.front() - 10000)->y == r.gt_T_wb.front().py);
+  CHECK(!turbomap::true_camera_centre(r, r.gt_t_ns.front() - 10001));
+  CHECK(turbomap::true_camera_centre(r, r.gt_t_ns.back() + 10000)->y == r.gt_T_wb.back().py);
+  r.gt_t_ns.front() = std::numeric_limits<std::int64_t>::min(), r.gt_t_ns.back() = -1 - r.gt_t_ns.front();
+  CHECK(!turbomap::true_camera_centre(r, 0));
+  r.gt_t_ns.clear();
+  CHECK(!turbomap::true_camera_centre(r, 0));
+}

@@ -42,6 +42,18 @@ inline int status_of(const std::string& command, const std::filesystem::path& re
   return WIFEXITED(result) ? WEXITSTATUS(result) : 128 + WTERMSIG(result);
 }
 
+/// Throws std::invalid_argument where a folder holds what no recording written by this program does: it will be removed.
+inline void require_replaceable(const std::filesystem::path& folder) {
+  if (!std::filesystem::exists(folder)) return;
+  if (!std::filesystem::is_directory(folder))
+    throw std::invalid_argument(folder.string() + " is there, and is no folder");
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    const auto file = entry.path();
+    if (!entry.is_regular_file() || (file.filename() != "meta.json" && file.extension() != ".npy"))
+      throw std::invalid_argument(file.string() + " is there, and would be removed");
+  }
+}
+
 struct reduction {
   std::vector<std::size_t> kept;  ///< keyframes of the recording that was given
   int status = 0;                 ///< with which the command ends on them
@@ -51,12 +63,13 @@ struct reduction {
 /// Writes to the directory `named` the recording of the fewest keyframes found on which the command ends with `status`
 /// (negative: with what it ends with on the whole). The directory holds the smallest so far at any time, also of a reduction that
 /// is interrupted; beside it NAMED.candidate is written and removed. `tell(reduction)` is called whenever it became smaller.
-/// Throws std::invalid_argument when the command does not fail on the whole.
+/// Throws std::invalid_argument when the command does not fail on the whole, or where something else is in one of the two.
 template <class Tell>
 reduction reduce(const turbomap::recording& whole, const std::string& command, const std::filesystem::path& named,
                  int status, Tell tell) {
   const auto out = named.has_filename() ? named : named.parent_path();  // without a slash at the end
   const std::filesystem::path candidate = out.string() + ".candidate";
+  require_replaceable(out), require_replaceable(candidate);
   reduction found;
   const auto run = [&](const std::vector<std::size_t>& kept) {
     std::filesystem::remove_all(candidate);

@@ -5,6 +5,8 @@
 /// \file
 /// Check mode: every stage on every recorded snapshot, compared with what the recorded system did.
 
+#include <stdexcept>
+
 #include "arguments.hpp"
 #include "check_adjustment.hpp"
 #include "check_creation.hpp"
@@ -66,6 +68,7 @@ class checker {
     add(arguments_.adjustment && !adjustment_.empty(), adjustment_);
     add(arguments_.adjustment && !inertial_adjustment_.empty(), inertial_adjustment_);
     add(arguments_.preintegration && !preintegration_.empty(), preintegration_);
+    if (o.json.empty()) throw std::invalid_argument("--stages: --check has nothing recorded of these stages");
     return o;
   }
 

@@ -89,15 +89,17 @@ inline report_data make_report(const turbomap::recording& recording, const argum
   if (json.contains("peer_ate_rmse_m")) data.peer_ate_rmse_m = json["peer_ate_rmse_m"];
   const auto add_error = [&](const char* name, const char* key) {
     char text[32];
-    if (!json.contains(key)) return;
+    if (!json.contains(key) || !std::isfinite(json[key].get<double>())) return;
     std::snprintf(text, sizeof text, "%.4f m", json[key].get<double>());
     data.facts.emplace_back(name, text);
   };
   add_error("ATE of the poses that came in", "ate_input_rmse_m");
   add_error("ATE of one adjustment of all true observations", "ate_batch_rmse_m");
   for (const stage_samples& s : stages) {
-    report_stage stage{s.name,           s.mean(),      s.quantile(0.5),
-                       s.quantile(0.95), s.quantile(1), s.peer_ms_mean >= 0 ? s.peer_ms_mean : not_known};
+    report_stage stage{s.name};
+    if (s.ms.count() != 0)
+      stage = {s.name,           s.mean(),      s.quantile(0.5),
+               s.quantile(0.95), s.quantile(1), s.peer_ms_mean >= 0 ? s.peer_ms_mean : not_known};
     if (s.name == "total")
       data.total = stage;
     else

@@ -6,6 +6,7 @@
 /// Several replays of one recording at a time: each has a thread, a map, a store, a context and, on a device, a stream of its own.
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdio>
 #include <functional>
@@ -34,7 +35,8 @@ inline outcome replay_side_by_side(arguments a, std::size_t mappers,
     all.begin_ms = digest.is_null() ? found.begin_ms : std::min(all.begin_ms, found.begin_ms);
     all.end_ms = std::max(all.end_ms, found.end_ms);
     keyframes += a.repeat * found.json["keyframes"].get<double>();
-    ms += found.json["stages"]["total"]["ms_mean"].get<double>() / static_cast<double>(mappers);
+    const auto& mean = found.json["stages"]["total"]["ms_mean"];
+    ms += (mean.is_null() ? std::nan("") : mean.get<double>()) / static_cast<double>(mappers);
     if (digest.is_null()) digest = found.json["map_digest"];
     same = same && found.json["map_digest"] == digest;
     all.good = all.good && found.good;
@@ -44,9 +46,9 @@ inline outcome replay_side_by_side(arguments a, std::size_t mappers,
   all.json = {
       {"mappers", mappers}, {"policy", a.policy},   {"keyframes_per_second", per_second}, {"ms_per_keyframe", ms},
       {"same_map", same},   {"map_digest", digest}, {"recording", a.recording.string()}};
-  std::printf(
-      "%zu mappers, policy %s: %.0f keyframes per second together, %.2f ms of mapping per keyframe of each; %s\n",
-      mappers, a.policy.c_str(), per_second, ms, same ? "the same map" : "MAPS DIFFER");
+  std::printf("%zu mappers, policy %s: %.0f keyframes per second together, ", mappers, a.policy.c_str(), per_second);
+  if (std::isfinite(ms)) std::printf("%.2f ms of mapping per keyframe of each; ", ms);
+  std::printf("%s\n", same ? "the same map" : "MAPS DIFFER");
   return all;
 }
 

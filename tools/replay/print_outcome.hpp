@@ -5,6 +5,7 @@
 /// \file
 /// What turbomap-replay prints of a replay's JSON: of one, and of two policies side by side.
 
+#include <cmath>
 #include <cstddef>
 #include <cstdio>
 #include <string>
@@ -20,7 +21,13 @@ namespace turbomap_replay {
 inline void print_trajectory_errors(const nlohmann::json& json) {
   if (!json.contains("ate_rmse_m")) return;
   const double ate = json["ate_rmse_m"];
+  const auto covered = json["ate_keyframes"].get<std::size_t>(), left = json["keyframes_left"].get<std::size_t>();
+  if (!std::isfinite(ate)) {
+    std::printf("ATE not known: ground truth says where %zu of %zu keyframes were, three are needed\n", covered, left);
+    return;
+  }
   std::printf("ATE %.4f m", ate);
+  if (covered != left) std::printf(" of the %zu keyframes whose time ground truth covers", covered);
   if (json.contains("peer_ate_rmse_m"))
     std::printf(" (peer, after its adjustment: %.4f m)", json["peer_ate_rmse_m"].get<double>());
   if (json.contains("ate_before_global_rmse_m"))
@@ -93,7 +100,10 @@ inline void print_beside(const std::vector<nlohmann::json>& replays) {
        {"process", "point_culling", "search", "creation", "fusion", "adjustment", "keyframe_culling", "total"}) {
     if (!replays[0]["stages"].contains(stage)) continue;
     std::printf("%-16s", stage);
-    for (const auto& replay : replays) std::printf(" %10.3f", replay["stages"][stage]["ms_mean"].get<double>());
+    for (const auto& replay : replays) {
+      const auto& mean = replay["stages"][stage]["ms_mean"];
+      std::printf(" %10.3f", mean.is_null() ? std::nan("") : mean.get<double>());
+    }
     std::printf("\n");
   }
   for (std::size_t i = 1; i < replays.size(); ++i) {

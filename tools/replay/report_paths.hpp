@@ -8,6 +8,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 #include <turbomap/io/recording_data.hpp>
@@ -25,12 +26,13 @@ inline void add_recorded_paths(const turbomap::recording& recording, report_data
   using vec3 = turbomap::vec3<double>;
   turbomap::require(data.trajectory.size() == recording.keyframe_count(), "report_data.trajectory.size()",
                     data.trajectory.size(), "must be the number of the recording's keyframes");
-  const auto aligned = [&](auto centre_of, auto use) {
+  const auto aligned = [&](auto centre_of) {
     std::vector<vec3> from, to;
     for (std::size_t i = 0; i < data.trajectory.size(); ++i) {
       const auto& own = data.trajectory[i];
-      if (!own.alive || !use(i) || !std::isfinite(own.centre.x + own.centre.y + own.centre.z)) continue;
-      from.push_back(centre_of(i)), to.push_back(own.centre);
+      if (!own.alive || !std::isfinite(own.centre.x + own.centre.y + own.centre.z)) continue;
+      const std::optional<vec3> centre = centre_of(i);
+      if (centre) from.push_back(*centre), to.push_back(own.centre);
     }
     struct {
       bool known;
@@ -43,25 +45,25 @@ inline void add_recorded_paths(const turbomap::recording& recording, report_data
 
   if (recording.has_ground_truth()) {
     const auto truth = [&](std::size_t i) { return turbomap::true_camera_centre(recording, recording.t_ns[i]); };
-    const auto to_map = aligned(truth, [](std::size_t) { return true; });
+    const auto to_map = aligned(truth);
     if (to_map.known) {
       data.ground_truth.clear();
       for (const std::int64_t t : recording.gt_t_ns)
         if (t >= recording.t_ns.front() && t <= recording.t_ns.back())
-          data.ground_truth.push_back(to_map.T * turbomap::true_camera_centre(recording, t));
+          data.ground_truth.push_back(to_map.T * *turbomap::true_camera_centre(recording, t));
       data.up = to_map.T * vec3{0, 0, 1} - to_map.T * vec3{0, 0, 0};
     }
   }
   if (recording.has_final()) {
-    const auto peer = [&](std::size_t i) {
+    const auto peer = [&](std::size_t i) -> std::optional<vec3> {
+      if (recording.final_alive[i] == 0) return std::nullopt;
       return turbomap::camera_centre(turbomap::to_isometry<double>(recording.final_T_cw[i]));
     };
-    const auto left = [&](std::size_t i) { return recording.final_alive[i] != 0; };
-    const auto to_map = aligned(peer, left);
+    const auto to_map = aligned(peer);
     if (to_map.known) {
       data.peer_trajectory.clear();
       for (std::size_t i = 0; i < data.trajectory.size(); ++i)
-        if (left(i)) data.peer_trajectory.push_back(to_map.T * peer(i));
+        if (const auto centre = peer(i)) data.peer_trajectory.push_back(to_map.T * *centre);
     }
   }
 }

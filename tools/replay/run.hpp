@@ -51,16 +51,16 @@ inline std::vector<stage_samples> stages_of(const std::vector<replay_row>& rows,
     stages.push_back(samples);
   }
   for (const replay_row& row : rows) total.ms.add(row.total_ms);
-  total.peer_ms_mean = std::isfinite(peer_total) ? peer_total : -1;
+  total.peer_ms_mean = std::isfinite(peer_total) && total.ms.count() != 0 ? peer_total : -1;
   stages.push_back(total);
   return stages;
 }
 
-/// Mean time of what tracking itself writes to the map.
+/// Mean time of what tracking itself writes to the map; NaN without keyframes.
 inline double tracking_edits_ms(const std::vector<replay_row>& rows) {
   turbomap::duration_statistics ms;
   for (const replay_row& row : rows) ms.add(row.edits_ms);
-  return ms.mean();
+  return ms.count() != 0 ? ms.mean() : std::nan("");
 }
 
 /// Mean, 99th percentile and longest time that the map's guard was held.
@@ -111,6 +111,8 @@ arguments decided(const turbomap::recording& recording, const Policy& policy, ar
     a.imu = recording.meta.sensor == "inertial" && recording.has_imu() ? choice::yes : choice::no;
   a.gather_observations = a.error_parts && !a.quiet;
   if (a.imu == choice::no && a.imu_noise != 1) throw std::invalid_argument("--imu-noise: the replay is without an IMU");
+  if (a.imu == choice::no && a.marginal_prior)
+    throw std::invalid_argument("--marginal-prior: the replay is without an IMU");
   const std::string& from = recording.meta.keypoint_pixels;
   if (a.pixel_centres == choice::by_recording && from == "unknown" && !recording.is_simulated()) {
     const keypoint_offset found = keypoint_offset_of<Camera>(recording, policy, a);
@@ -151,7 +153,9 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
     for (std::size_t i = warm_up; i < result.rows.size(); ++i) rows.push_back(result.rows[i]);
   }
   o.end_ms = now_ms();
-  const turbomap::timing_table timing = turbomap::read_timing(arguments.recording);
+  // A simulated recording may have been written over a recorded one, whose times stay in the folder.
+  const turbomap::timing_table timing =
+      recording.is_simulated() ? turbomap::timing_table{} : turbomap::read_timing(arguments.recording);
   const std::vector<stage_samples> stages = stages_of(rows, timing);
   std::size_t skipped = 0, cut = 0, keyframes_culled = 0, points_culled = 0, created = 0, matches = 0;
   std::size_t adjustments = 0, adjustment_iterations = 0;
@@ -278,8 +282,9 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
     std::vector<turbomap::stamped_pose> poses;
     const auto T_bc = turbomap::cast<double>(recording.meta.T_bc);
     for (std::size_t i = 0; i < result.T_cw.size(); ++i)
-      if (result.alive[i] != 0)  // body in world: (T_bc T_cw)^-1
-        poses.push_back({recording.t_ns[i], invert(compose(T_bc, result.T_cw[i]))});
+      if (result.alive[i] != 0)                                      // body in world: (T_bc T_cw)^-1
+        if (poses.empty() || poses.back().t_ns < recording.t_ns[i])  // the format has one pose at a time
+          poses.push_back({recording.t_ns[i], invert(compose(T_bc, result.T_cw[i]))});
     turbomap::write_trajectory(arguments.trajectory, poses);
   }
   if (!arguments.ply.empty()) {
@@ -299,6 +304,17 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
 template <class Camera, class Policy>
 outcome run_with(const turbomap::recording& recording, const Policy& policy, const arguments& arguments) {
   if (!arguments.check || recording.meta.snapshots.empty()) return replay<Camera>(recording, policy, arguments);
+  const std::pair<const char*, bool> of_replays[] = {{"--report", !arguments.report.empty()},
+                                                     {"--ply", !arguments.ply.empty()},
+                                                     {"--trajectory", !arguments.trajectory.empty()},
+                                                     {"--growth", arguments.growth},
+                                                     {"--global-adjustment", arguments.global_end},
+                                                     {"--global-adjustment", arguments.global_every != 0},
+                                                     {"--merge-causes", arguments.merge_causes},
+                                                     {"--queue", arguments.queue},
+                                                     {"--behind", arguments.behind != 0}};
+  for (const auto& [name, given] : of_replays)
+    if (given) throw std::invalid_argument(std::string(name) + ": not together with --check of recorded snapshots");
   checker<Camera, Policy> check(recording, policy, arguments);
   for (const std::int32_t iteration : recording.meta.snapshots)
     check.check(turbomap::read_snapshot(recording, arguments.recording, iteration));

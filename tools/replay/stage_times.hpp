@@ -42,6 +42,7 @@ struct stage_samples {
   }
   double quantile(double q) const { return ms.quantile(q); }
   nlohmann::json json() const {
+    if (ms.count() == 0) return {{"ms_mean", nullptr}};
     nlohmann::json j = {{"ms_mean", mean()},
                         {"ms_std", deviation()},
                         {"ms_median", quantile(0.5)},
@@ -56,6 +57,10 @@ inline void print_table(const std::vector<stage_samples>& stages) {
   std::printf("%-16s %10s %10s %10s %10s %10s %8s\n", "stage (ms)", "mean", "median", "p95", "max", "peer mean",
               "ratio");
   for (const stage_samples& s : stages) {
+    if (s.ms.count() == 0) {
+      std::printf("%-16s no keyframe after the first %zu: they are not counted\n", s.name.c_str(), warm_up);
+      continue;
+    }
     std::printf("%-16s %10.3f %10.3f %10.3f %10.3f", s.name.c_str(), s.mean(), s.quantile(0.5), s.quantile(0.95),
                 s.quantile(1));
     if (s.peer_ms_mean >= 0)

@@ -45,9 +45,10 @@ inline double trajectory_scale(const turbomap::recording& recording,
                                const std::vector<std::uint8_t>& alive) {
   std::vector<turbomap::vec3<double>> estimate, truth;
   for (std::size_t i = 0; i < T_cw.size(); ++i) {
-    if (alive[i] == 0) continue;
+    const auto centre = turbomap::true_camera_centre(recording, recording.t_ns[i]);
+    if (alive[i] == 0 || !centre) continue;
     estimate.push_back(turbomap::camera_centre(turbomap::to_isometry<double>(T_cw[i])));
-    truth.push_back(turbomap::true_camera_centre(recording, recording.t_ns[i]));
+    truth.push_back(*centre);
   }
   if (estimate.size() < 3) return std::nan("");
   const auto T = Eigen::umeyama(turbomap::detail::matrix_of(estimate), turbomap::detail::matrix_of(truth), true);
@@ -71,7 +72,15 @@ inline std::vector<double> interval_errors(const turbomap::recording& recording,
   return errors;
 }
 
-/// Sets the keys `ate_*_m` and `peer_ate_rmse_m`, as far as they are known, that of the batch adjustment if `bound`. All are errors after the alignment of
+/// Keyframes that are left at whose time ground truth says where the camera was.
+inline std::size_t covered_keyframes(const turbomap::recording& recording, const std::vector<std::uint8_t>& alive) {
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < alive.size(); ++i)
+    count += alive[i] != 0 && turbomap::true_camera_centre(recording, recording.t_ns[i]) ? 1 : 0;
+  return count;
+}
+
+/// Sets the keys `ate_*_m`, `ate_keyframes` and `peer_ate_rmse_m`, as far as they are known, that of the batch adjustment if `bound`. All are errors after the alignment of
 /// keyframe_trajectory_error(); the result's counts the keyframes that are left, the others count all.
 template <class Camera, class Policy>
 void add_trajectory_errors(const turbomap::recording& recording, const Policy& policy,
@@ -79,6 +88,7 @@ void add_trajectory_errors(const turbomap::recording& recording, const Policy& p
                            const std::vector<std::uint8_t>& alive, nlohmann::json& json, bool bound = true) {
   if (!recording.has_ground_truth()) return;
   json["ate_rmse_m"] = trajectory_error(recording, T_cw, alive);
+  json["ate_keyframes"] = covered_keyframes(recording, alive);
   json["ate_input_rmse_m"] = turbomap::keyframe_trajectory_error(recording, recording.T_cw);
   if (recording.meta.ate_kf_rmse_m >= 0) json["peer_ate_rmse_m"] = recording.meta.ate_kf_rmse_m;
   if (recording.meta.sensor == "inertial") {

@@ -513,7 +513,7 @@ TEST_CASE("a recording of a system whose IMU is not initialised: another world, 
     CHECK((isometry(r.sim_T_cw_true[0]).matrix() - Eigen::Matrix4d::Identity()).norm() < 1e-6);
     const auto length = [&](const auto& T) { return (isometry(T[4]).inverse().translation()).norm(); };
     const auto centre = [&](std::size_t i) {
-      const auto c = turbomap::true_camera_centre(r, r.t_ns[i]);
+      const auto c = turbomap::true_camera_centre(r, r.t_ns[i]).value();
       return Eigen::Vector3d(c.x, c.y, c.z);
     };
     const double metres = (centre(4) - centre(0)).norm(), unit = mono ? options.monocular_unit : 1;

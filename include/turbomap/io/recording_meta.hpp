@@ -34,6 +34,8 @@ class meta_checks {
   explicit meta_checks(const Fail& fail) : fail_(fail) {}
 
   void operator()(const recording_meta& m) const {
+    if (m.sensor != "stereo" && m.sensor != "inertial" && m.sensor != "monocular")
+      fail_("sensor", "is '" + m.sensor + "', not stereo, inertial or monocular");
     if (!m.is_fisheye() && m.model != "Pinhole") fail_("model", "is '" + m.model + "', not Pinhole or KannalaBrandt8");
     positive("width", m.width), positive("height", m.height);
     camera("camera1", m.camera1, m.is_fisheye());

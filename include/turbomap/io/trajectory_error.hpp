@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -57,19 +58,34 @@ inline double absolute_trajectory_error(span<const vec3<double>> estimate, span<
   return std::sqrt((moved - to).squaredNorm() / static_cast<double>(estimate.size()));
 }
 
-/// The camera's centre in the ground truth at the time nearest to `t_ns`: body pose times T_bc. The recording must have
-/// ground truth.
-inline vec3<double> true_camera_centre(const recording& r, std::int64_t t_ns) {
-  const auto next = std::lower_bound(r.gt_t_ns.begin(), r.gt_t_ns.end(), t_ns);
-  std::size_t i = static_cast<std::size_t>(next - r.gt_t_ns.begin());
-  if (i == r.gt_t_ns.size() || (i > 0 && t_ns - r.gt_t_ns[i - 1] <= r.gt_t_ns[i] - t_ns)) --i;
-  const stamped_body_pose& g = r.gt_T_wb[i];
-  const rigid_transform<double> T_wb{g.qx, g.qy, g.qz, g.qw, g.px, g.py, g.pz};
-  return to_isometry<double>(T_wb) * to_isometry<double>(r.meta.T_bc).t;
+/// The camera's centre where ground truth says that it was at `t_ns`: of a pose at that time (10 us: times in files are rounded), else on
+/// the line between the poses before and after it, which are half a second apart at most. None elsewhere: ground truth begins late, ends
+/// early and has gaps where a motion capture system saw nothing.
+inline std::optional<vec3<double>> true_camera_centre(const recording& r, std::int64_t t_ns) {
+  constexpr double same_time = 1e4, longest_gap = 5e8;       // ns
+  const auto between = [](std::int64_t a, std::int64_t b) {  // a <= b: their difference need not fit in an int64
+    return static_cast<double>(static_cast<std::uint64_t>(b) - static_cast<std::uint64_t>(a));
+  };
+  const auto centre = [&](std::size_t i) {
+    const stamped_body_pose& g = r.gt_T_wb[i];
+    const rigid_transform<double> T_wb{g.qx, g.qy, g.qz, g.qw, g.px, g.py, g.pz};
+    return to_isometry<double>(T_wb) * to_isometry<double>(r.meta.T_bc).t;
+  };
+  const auto after =
+      static_cast<std::size_t>(std::lower_bound(r.gt_t_ns.begin(), r.gt_t_ns.end(), t_ns) - r.gt_t_ns.begin());
+  const bool has_before = after > 0, has_after = after < r.gt_t_ns.size();
+  const double since = has_before ? between(r.gt_t_ns[after - 1], t_ns) : longest_gap,
+               until = has_after ? between(t_ns, r.gt_t_ns[after]) : longest_gap;
+  if (std::min(since, until) <= same_time) return centre(since <= until ? after - 1 : after);
+  if (!has_before || !has_after || since + until > longest_gap) return std::nullopt;
+  const vec3<double> a = centre(after - 1), b = centre(after);
+  return a + (since / (since + until)) * (b - a);
 }
 
 /// ATE of keyframe poses `T_cw` (one per keyframe of the recording) against its ground truth, over the keyframes whose
-/// `alive` is not 0 (empty: all). A monocular recording is aligned with scale, which one camera cannot know. Throws std::invalid_argument for wrong sizes or a recording without ground truth.
+/// `alive` is not 0 (empty: all) and whose time ground truth covers. A monocular recording is aligned with scale, which one
+/// camera cannot know. NaN for fewer than three such keyframes. Throws std::invalid_argument for wrong sizes or a recording
+/// without ground truth.
 inline double keyframe_trajectory_error(const recording& r, span<const rigid_transform<float>> T_cw,
                                         span<const std::uint8_t> alive = {}) {
   require(r.has_ground_truth(), "recording", r.gt_t_ns.size(), "must have ground truth");
@@ -78,8 +94,10 @@ inline double keyframe_trajectory_error(const recording& r, span<const rigid_tra
   std::vector<vec3<double>> estimate, truth;
   for (std::size_t i = 0; i < T_cw.size(); ++i) {
     if (!alive.empty() && alive[i] == 0) continue;
+    const auto centre = true_camera_centre(r, r.t_ns[i]);
+    if (!centre) continue;
     estimate.push_back(camera_centre(to_isometry<double>(T_cw[i])));
-    truth.push_back(true_camera_centre(r, r.t_ns[i]));
+    truth.push_back(*centre);
   }
   return absolute_trajectory_error(estimate, truth, r.meta.sensor == "monocular");
 }
