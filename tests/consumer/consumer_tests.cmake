@@ -25,3 +25,11 @@ foreach(mode IN ITEMS package subdirectory fetch)
   # One core, beside other tests, and first: these take longest.
   set_tests_properties(${test} PROPERTIES TIMEOUT 600 LABELS consumer COST 60 ENVIRONMENT CMAKE_BUILD_PARALLEL_LEVEL=1)
 endforeach()
+if(TURBOMAP_HOST_TESTS)
+  set(test ${TURBOMAP_TEST_PREFIX}consumer_configure)
+  add_test(NAME ${test} COMMAND "${CMAKE_COMMAND}"
+    -D "SOURCE=${turbomap_SOURCE_DIR}" -D "BUILD=${turbomap_BINARY_DIR}" -D "SCRATCH=${CMAKE_CURRENT_BINARY_DIR}/consumer/configure"
+    -D "GENERATOR=${CMAKE_GENERATOR}" -D "CXX=${CMAKE_CXX_COMPILER}" -D "PREFIX_PATH=${CMAKE_PREFIX_PATH}"
+    -P "${CMAKE_CURRENT_LIST_DIR}/configure.cmake")
+  set_tests_properties(${test} PROPERTIES TIMEOUT 300 LABELS consumer)
+endif()
