@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # cmake -D SOURCE=... -D BUILD=... -D SCRATCH=... -D GENERATOR=... -D CXX=... [-D PREFIX_PATH=...] -P configure.cmake
-# Projects that are configured and not built: the library by two ways at once. What must fail, must say why.
+# Projects that are configured and not built: the library by two ways at once, components that are not there. What must fail, must say why.
 
 cmake_minimum_required(VERSION 3.22)
 file(REMOVE_RECURSE "${SCRATCH}")
@@ -57,3 +57,18 @@ configure(package_then_folder [[
 find_package(turbomap 0.1 CONFIG REQUIRED)
 add_subdirectory("${TURBOMAP_SOURCE}" turbomap)
 ]] FAILS "turbomap is there already, by find_package(turbomap)" "put add_subdirectory before find_package")
+
+# Of what is asked for and not there, all is named; what is optional is not.
+set(disabled "")
+foreach(package IN ITEMS Eigen3 OpenMP TBB)
+  list(APPEND disabled -D CMAKE_DISABLE_FIND_PACKAGE_${package}=ON)
+endforeach()
+configure(missing "find_package(turbomap 0.1 CONFIG REQUIRED COMPONENTS Eigen OMP TBB CUDA)" OPTIONS ${disabled} FAILS
+          "Eigen: install Eigen 3.4" "OMP: take a compiler with OpenMP" "TBB: install TBB (libtbb-dev)" "CUDA: enable the language CUDA")
+configure(optional [[
+find_package(turbomap 0.1 CONFIG QUIET COMPONENTS CUDA OPTIONAL_COMPONENTS TBB)
+if(turbomap_FOUND OR NOT turbomap_NOT_FOUND_MESSAGE MATCHES "^CUDA: [^:]*$")
+  message(FATAL_ERROR "found: ${turbomap_FOUND}, message: ${turbomap_NOT_FOUND_MESSAGE}")
+endif()
+find_package(turbomap 0.1 CONFIG REQUIRED OPTIONAL_COMPONENTS CUDA TBB)
+]] OPTIONS ${disabled})
