@@ -20,4 +20,5 @@ install(FILES "${PROJECT_BINARY_DIR}/turbomapConfig.cmake" "${PROJECT_BINARY_DIR
         DESTINATION "${turbomap_cmake_dir}")
 install(DIRECTORY "${PROJECT_SOURCE_DIR}/cmake/precompiled" DESTINATION "${turbomap_cmake_dir}")
 install(FILES "${PROJECT_SOURCE_DIR}/package.xml" DESTINATION "${CMAKE_INSTALL_DATADIR}/turbomap")
-install(FILES "${PROJECT_SOURCE_DIR}/LICENSE" DESTINATION "${CMAKE_INSTALL_DOCDIR}")
+# CMAKE_INSTALL_DOCDIR is the parent's folder where the parent has asked for it first.
+install(FILES "${PROJECT_SOURCE_DIR}/LICENSE" DESTINATION "${CMAKE_INSTALL_DATAROOTDIR}/doc/turbomap")

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # cmake -D SOURCE=... -D BUILD=... -D SCRATCH=... -D GENERATOR=... -D CXX=... [-D PREFIX_PATH=...] -P configure.cmake
-# Projects that are configured and not built: the library by two ways at once, components that are not there. What must fail, must say why.
+# Projects that are configured and not built: the library by two ways at once, components that are not there, what a parent
+# installs. What must fail, must say why.
 
 cmake_minimum_required(VERSION 3.22)
 file(REMOVE_RECURSE "${SCRATCH}")
@@ -28,7 +29,7 @@ function(configure name text)
       message(FATAL_ERROR "${name}: cmake does not say '${expected}':\n${said}")
     endif()
   endforeach()
-  if(arg_FAILS AND status EQUAL 0 OR NOT arg_FAILS AND NOT status EQUAL 0)
+  if((arg_FAILS AND status EQUAL 0) OR (NOT arg_FAILS AND NOT status EQUAL 0))
     message(FATAL_ERROR "${name}: cmake ended with ${status}:\n${said}")
   endif()
 endfunction()
@@ -72,3 +73,13 @@ if(turbomap_FOUND OR NOT turbomap_NOT_FOUND_MESSAGE MATCHES "^CUDA: [^:]*$")
 endif()
 find_package(turbomap 0.1 CONFIG REQUIRED OPTIONAL_COMPONENTS CUDA TBB)
 ]] OPTIONS ${disabled})
+
+# What is installed with a project of another name goes to our folders.
+configure(parent [[
+include(GNUInstallDirs)
+add_subdirectory("${TURBOMAP_SOURCE}" turbomap)
+]] OPTIONS -D TURBOMAP_INSTALL=ON)
+execute_process(COMMAND "${CMAKE_COMMAND}" --install "${SCRATCH}/parent/build" --prefix "${SCRATCH}/parent/prefix" OUTPUT_QUIET)
+if(EXISTS "${SCRATCH}/parent/prefix/share/doc/parent" OR NOT EXISTS "${SCRATCH}/parent/prefix/share/doc/turbomap/LICENSE")
+  message(FATAL_ERROR "parent: LICENSE is not in share/doc/turbomap")
+endif()
