@@ -6,7 +6,8 @@
 Replays every recording of DATA/recordings and simulated ones under each policy that turbomap-replay was built with: stage
 times beside those that the recorded system needed, trajectory errors, time per keyframe over the run, keyframes that come
 faster than recorded, and whether the map is the same for every run, policy and number of threads. One replay at a time, so
-that times can be quoted. Results are kept in the work folder: a run that was cut off goes on where it was.
+that times can be quoted. Results are kept in the work folder: a run that was cut off goes on where it was. They are made anew when
+the program, the recording or the problem has changed.
 
     tools/evaluate.py --out evaluation                      everything, into the folder evaluation/
     tools/evaluate.py --quick --out evaluation              one policy's stress test, few simulated recordings
@@ -152,6 +153,13 @@ def all_cases(args):
     return made
 
 
+def problems(args):
+    """{name: BAL file}; the folder is named where two have a file of one name."""
+    files = sorted(args.data.glob("bal*/problem*.txt"))
+    stems = [file.stem for file in files]
+    return {file.stem if stems.count(file.stem) == 1 else f"{file.parent.name}/{file.stem}": file for file in files}
+
+
 def keyframe_count(args, case):
     rows = peer_rows(case.folder)
     return len(rows) or args.keyframes
@@ -256,11 +264,11 @@ def run_all(args, made, names):
             add_device_parts(case)
     if not args.no_times:
         jobs.append((SECONDS_OF_BUNDLE, "Ceres' clock", lambda: keep(measured, "Ceres' clock", "synthetic-lba", ceres_clock(args))))
-        for problem in sorted(args.data.glob("bal*/problem*.txt")):
+        for name, problem in problems(args).items():
             seconds = SECONDS_OF_BUNDLE + SECONDS_OF_BUNDLE_PER_MB * problem.stat().st_size / 1e6
             for policy in ("-", "cuda") if "cuda" in names else ("-",):
-                jobs.append((seconds, f"{problem.stem}, {policy}", lambda problem=problem, policy=policy: keep(
-                    adjusted, (problem.stem, policy), "bundle adjustment", bundle(args, problem, policy), policy)))
+                jobs.append((seconds, f"{name}, {policy}", lambda name=name, problem=problem, policy=policy: keep(
+                    adjusted, (name, policy), "bundle adjustment", bundle(args, problem, policy), policy)))
         for name, size in GENERATED.items() if "cuda" in names and not args.quick and (args.bin / "turbomap-bundle").exists() else ():
             jobs.append((SECONDS_OF_GENERATED, f"generated, as {name}", lambda name=name, size=size: keep(
                 made_problems, name, "generated", generated(args, size), "cuda")))
@@ -421,7 +429,8 @@ def bundle(args, problem, policy):
     programs = ("turbomap-bundle",) if policy == "cuda" else ("turbomap-ceres-bundle", "turbomap-bundle")
     program = next((p for p in (args.bin / name for name in programs) if p.exists()), None)
     more = ["--policy", "cuda"] if policy == "cuda" else []
-    return kept(args, program, problem.stem + "".join(more), [str(problem), "--iterations", "50", "--repeat", "3", *more]) if program else {}
+    name = f"{problem.stem}_{replays.mark_of(problem)}" + "".join(more)
+    return kept(args, program, name, [str(problem), "--iterations", "50", "--repeat", "3", *more]) if program else {}
 
 
 def generated(args, size):
@@ -462,7 +471,7 @@ def stages_alone(args, case, policy, take):
         return None
 
     def work():
-        found = kept(args, program, f"stages_{case.folder.name}_{policy}_{repetitions}",
+        found = kept(args, program, f"stages_{case.folder.name}_{replays.mark_of(case.folder)}_{policy}_{repetitions}",
                      ["--recording", str(case.folder), "--policy", policy, "--repetitions", repetitions])
         take(found if "failed" in found else found.get("stages", {}))
     return SECONDS_OF_BENCH * int(repetitions), f"{case.name}, {policy}, stages alone", work
@@ -488,7 +497,8 @@ def device_parts(args, case, centres):
         count = keyframe_count(args, case)
         return {stage: (a / count, b / count) for stage, (a, b) in sums.items()} if heading else None
 
-    name = re.sub(r"[^\w.-]+", "_", " ".join(["kernels", replays.digest(str(library)), case.folder.name, *options]))
+    name = re.sub(r"[^\w.-]+", "_", " ".join(["kernels", replays.digest(str(library)), case.folder.name,
+                                               replays.mark_of(case.folder), *options]))
     return kept(args, args.bin / "turbomap-replay", name, [str(case.folder), *options], read=read,
                 environment={"CUDA_INJECTION64_PATH": str(library), "NVTX_INJECTION64_PATH": cupti})
 

@@ -7,7 +7,7 @@ Recordings: those of DATA/recordings, with the IMU where there is one, --perturb
 replays), and simulated ones (rigs x trajectories x noise x seeds; figures are medians over the seeds). Variants: every
 combination of --creation and --associate that this turbomap-replay knows, or the options that --variants names. Simulated
 recordings and results are kept in the work folder: a run that was cut off goes on where it was, and results are made anew when
-the program has changed. Stage times are those of replays that ran side by side: use --jobs 1 for times to be quoted.
+the program or the recording has changed. Stage times are those of replays that ran side by side: use --jobs 1 for times to be quoted.
 
     tools/evaluate_creation.py --jobs 16 --out creation.md
     tools/evaluate_creation.py --jobs 16 --variants "as it is: ; global at the end: --global-adjustment end"
@@ -118,17 +118,30 @@ def sweep(work):
             shutil.rmtree(left, ignore_errors=True) if left.is_dir() else left.unlink(missing_ok=True)
 
 
+def mark_of(place):
+    """Tells a recording, or a file, from another of its name and from what it was: by where it is, the sizes and times of its files,
+    and the text of meta.json."""
+    place = place.resolve()
+    said = [str(place)]
+    for file in sorted(f for f in place.rglob("*") if f.is_file()) if place.is_dir() else [place]:
+        said.append(f"{file} {file.stat().st_size} {file.stat().st_mtime_ns}")
+        if file.name == "meta.json":
+            said.append(file.read_text())
+    return hashlib.sha256("\n".join(said).encode()).hexdigest()[:12]
+
+
 def simulate(folder, command):
-    """None, or what went wrong. A recording that another simulator made is made anew."""
+    """None, or what went wrong. A recording of another simulator or trajectory is made anew."""
     made_by = folder / "made_by.txt"
-    mark = digest(command[0]) + " " + " ".join(command[1:])
+    trajectory = pathlib.Path(command[1])
+    mark = " ".join([digest(command[0]), *command[1:], *([mark_of(trajectory)] if trajectory.is_file() else [])])
     if made_by.exists() and made_by.read_text() == mark:
         return None
     new = unfinished(folder)
     shutil.rmtree(new, ignore_errors=True)
     done = subprocess.run([*command, "--out", str(new)], capture_output=True, text=True)
     if done.returncode != 0:
-        return done.stderr.strip()
+        return done.stderr.strip() or f"exit status {done.returncode}"
     (new / "made_by.txt").write_text(mark)
     shutil.rmtree(folder, ignore_errors=True)
     new.rename(folder)
@@ -171,14 +184,10 @@ def replay(args, folder, options, policy=None, run="", growth=False, environment
     options = ["--policy", policy or args.policy, *args.options.split(), *options]
     if visual and "--imu" not in options:
         options.append("--no-imu")
-    name = re.sub(r"[^\w.-]+", "_", " ".join([folder.name, *options, *([run] if run else [])]))
+    name = re.sub(r"[^\w.-]+", "_", " ".join([folder.name, mark_of(folder), *options, *([run] if run else [])]))
     result = args.work / "results" / digest(program) / (name + ".json")
-    made_by = folder / "made_by.txt"
-    mark = made_by.read_text() if made_by.exists() else ""
     if result.exists():
-        kept = json.loads(result.read_text())
-        if kept.get("made_by", "") == mark:
-            return kept
+        return json.loads(result.read_text())
     result.parent.mkdir(parents=True, exist_ok=True)
     new, growth_file = unfinished(result), result.with_suffix(".csv")
     new_growth = unfinished(growth_file)
@@ -192,7 +201,6 @@ def replay(args, folder, options, policy=None, run="", growth=False, environment
     found = {**json.loads(new.read_text()), "wall_s": time.monotonic() - begin}
     if done.returncode != 0:
         found["failed"] = f"exit status {done.returncode}"
-    found["made_by"] = mark
     if growth and new_growth.exists():
         new_growth.rename(growth_file)
         found["growth_file"] = str(growth_file)

@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 # SPDX-License-Identifier: Apache-2.0
 """tools/evaluate.py with a turbomap-replay that replays nothing: its tables and plots, that it goes on where it was, also when it was
-killed, that a page with another figure is found."""
+killed, that results are of the recording that is there, that a page with another figure is found."""
 
 import csv
 import json
 import os
 import pathlib
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -16,6 +17,7 @@ import unittest
 TOOLS = pathlib.Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(TOOLS))
 import evaluate  # noqa: E402
+import evaluate_creation as replays  # noqa: E402
 
 # 10 +- 1 ms per stage, 70 in all; under omp half of that; later runs are slower, and hold the guard for less. STUB_SWING: so many ms instead of
 # 1, and the fast keyframes of the first run are the slow ones of later runs. Keyframes that come at 8 times the rate lose 5 adjustments.
@@ -78,6 +80,14 @@ import json, pathlib, sys
 times = lambda fast, oracle: {{"ms_median": fast, "oracle_ms_median": oracle}}
 found = {{"stages": {{"search_exact": times(10, 30), "search_grouped": times(1, 2), "creation": times(2, 10), "adjustment": {{"ms_median": 5}}}}}}
 pathlib.Path(sys.argv[sys.argv.index("--json") + 1]).write_text(json.dumps(found))
+"""
+
+
+SIMULATE_STUB = """#!{python}
+import pathlib, sys
+folder = pathlib.Path(sys.argv[sys.argv.index("--out") + 1])
+folder.mkdir(parents=True)
+(folder / "meta.json").write_text(pathlib.Path(sys.argv[1]).read_text())
 """
 
 
@@ -216,6 +226,56 @@ class evaluation(unittest.TestCase):
         next((self.root / "work/results").rglob("*rate_4*.json")).unlink()
         self.run_it()
         self.assertEqual(len(self.replays()), len(first) + 1)
+
+    def test_results_are_of_this_recording(self):
+        """Not of another one of its name, nor of what it was before."""
+        for program, text in (("bundle", BUNDLE_STUB), ("bench", BENCH_STUB)):
+            text += f"open({str(self.root / 'log')!r}, 'a').write('{program}\\n')\n"
+            (self.root / f"bin/turbomap-{program}").write_text(text.format(python=sys.executable))
+        (self.root / "bin" / evaluate.KERNEL_TIMES).write_text("")
+        run = lambda *more: self.assertEqual(self.run_it("--quick", "--policies", "cuda", *more, STUB_DEVICE="1").returncode, 0)
+        run()
+        all_of_it = len(self.replays())
+        self.assertEqual(all_of_it, 1 + 4 + 1 + 1 + 2)  # replays, that of the profiler; stages alone; a problem under two policies
+        meta, text = self.recording / "meta.json", (self.recording / "meta.json").read_text()
+        time_of_meta = meta.stat().st_mtime_ns
+        meta.write_text(text.replace("3", "4"))
+        os.utime(meta, ns=(time_of_meta, time_of_meta))
+        run()
+        self.assertEqual(len(self.replays()), 2 * all_of_it - 2)  # but the problem
+        (self.recording / "keyframes.csv").write_text("")
+        (self.root / "data/bal-tiny/problem-1.txt").write_text("1")
+        run()
+        self.assertEqual(len(self.replays()), 3 * all_of_it - 2)
+        shutil.copytree(self.root / "data", self.root / "others")
+        run("--data", str(self.root / "others"))
+        self.assertEqual(len(self.replays()), 4 * all_of_it - 2)
+        run()
+        self.assertEqual(len(self.replays()), 4 * all_of_it - 2)  # kept
+
+    def test_problems_of_one_name(self):
+        text = BUNDLE_STUB.replace('"cost_final": 10', '"cost_final": float(pathlib.Path(sys.argv[1]).read_text())')
+        (self.root / "bin/turbomap-bundle").write_text(text.format(python=sys.executable))
+        (self.root / "data/bal-other").mkdir()
+        for folder, name, cost in (("bal-tiny", "problem-1", "11"), ("bal-other", "problem-1", "12"), ("bal-other", "problem-2", "13")):
+            (self.root / f"data/{folder}/{name}.txt").write_text(cost)
+        self.assertEqual(self.run_it("--quick").returncode, 0)
+        for name, cost in (("bal-tiny/problem-1", "11"), ("bal-other/problem-1", "12"), ("problem-2", "13")):
+            self.assertEqual(self.figure("Bundle adjustment of BAL files", (name, "one thread"), "final cost"), cost)
+
+    def test_a_simulated_recording_of_a_trajectory_that_changed(self):
+        trajectory, made = self.root / "walk.txt", self.root / "recordings/walk"
+        made.parent.mkdir()
+        program = self.root / "bin/turbomap-simulate"
+        program.write_text(SIMULATE_STUB.format(python=sys.executable))
+        program.chmod(0o755)
+        for text in ("one", "two"):
+            trajectory.write_text(text)
+            self.assertIsNone(replays.simulate(made, [str(program), str(trajectory)]))
+            self.assertEqual((made / "meta.json").read_text(), text)
+        program.write_text(f"#!{sys.executable}\nimport sys\nsys.exit(3)\n")
+        trajectory.write_text("three")
+        self.assertEqual(replays.simulate(made, [str(program), str(trajectory)]), "exit status 3")
 
     def test_goes_on_when_it_was_killed(self):
         waiting = subprocess.Popen(self.command(), env=self.environment(STUB_WAITS="1"), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
