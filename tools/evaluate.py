@@ -306,6 +306,11 @@ class table:
                 f"<table>\n<tr>{cells('th', [*self.names, *columns])}</tr>\n{body}</table>\n")
 
 
+def number(shown):
+    """The number that show() made text of."""
+    return float(shown.replace(",", ""))
+
+
 def write_csv(path, tables):
     """All figures as they are shown, one per line: title, note, names of the keys, keys, column, value."""
     with open(path, "w", newline="") as file:
@@ -592,7 +597,7 @@ def table_one(made, names, results):
             rows = [values for (name, who), values in g.rows if name.startswith(family) and who == policy]
             if rows:
                 told = [s for s in STAGES if all(s in values for values in rows)]
-                g.add([f"mean of {family}", policy], {**{s: statistics.mean(float(values[s]) for values in rows) for s in told},
+                g.add([f"mean of {family}", policy], {**{s: statistics.mean(number(values[s]) for values in rows) for s in told},
                                                       "TurboMap (theirs), whole mapping": paper})
     if below:
         sentence = "Below the gain that TurboMap states for whole mapping: " + "; ".join(below) + "."
@@ -617,7 +622,7 @@ def scaled(gains, clock):
     t = table("Speed-ups at the peer's clock", f"The same times {show(clock / CERES_MS)}: Ceres takes {show(clock)} ms per iteration "
               f"here, {CERES_MS} where the peer was timed.", gains.names)
     for key, values in gains.rows:
-        t.add(key, {c: float(v) * clock / CERES_MS for c, v in values.items() if "theirs" not in c})
+        t.add(key, {c: number(v) * clock / CERES_MS for c, v in values.items() if "theirs" not in c})
     return t
 
 
@@ -626,7 +631,7 @@ def below_at_clock(table_at_clock):
     if not table_at_clock:
         return ""
     judged = [(gain_of_paper(key[0]), values) for key, values in table_at_clock.rows if gain_of_paper(key[0])]
-    counts = {s: sum(float(values[s]) < paper for paper, values in judged if s in values) for s in STAGES}
+    counts = {s: sum(number(values[s]) < paper for paper, values in judged if s in values) for s in STAGES}
     cells = ", ".join(f"{stage} in {count}" for stage, count in counts.items() if count)
     return f" At the peer's clock, of {len(judged)} rows: {cells or 'none'}." if judged else ""
 

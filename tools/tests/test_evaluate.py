@@ -332,6 +332,22 @@ class evaluation(unittest.TestCase):
         self.assertEqual(self.figure(bundle, ("problem-1", "Ceres"), "iterations"), "2")
         self.assertIn("Ceres</text>", (self.root / "out/cost_problem_1.svg").read_text())
 
+    def test_gains_of_a_thousand(self):
+        """Such numbers are shown with a comma."""
+        timing = self.recording / "timing.csv"
+        timing.write_text(timing.read_text().replace(",20", ",20000"))
+        (self.root / "bin/turbomap-ceres-bundle").write_text(BUNDLE_STUB.format(python=sys.executable))
+        (self.root / "bin/turbomap-ceres-bundle").chmod(0o755)
+        (self.root / "data/synthetic-lba/30-20-6000").mkdir(parents=True)
+        done = self.run_it("--quick", "--policies", "seq")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(self.figure("Speed-ups over the peer", ("euroc_tiny", "seq"), "fusion"), "2,000")
+        self.assertEqual(self.figure("Speed-ups over the peer", ("mean of euroc", "seq"), "fusion"), "2,000")
+        self.assertEqual(self.figure("Speed-ups at the peer's clock", ("euroc_tiny", "seq"), "fusion"), "778")  # 35 of 90 ms
+        at_clock = evaluate.table("t", "", ["recording", "who"])
+        at_clock.add(["euroc_tiny", "seq"], {"search": 1234, "fusion": 1})
+        self.assertEqual(evaluate.below_at_clock(at_clock), " At the peer's clock, of 1 rows: fusion in 1.")
+
     def test_help_tells_how_to_begin(self):
         said = subprocess.run([sys.executable, str(TOOLS / "evaluate.py"), "--help"], capture_output=True, text=True).stdout
         for words in ("goes on where it was", "examples:", "--check docs/evaluation.md"):
