@@ -59,10 +59,10 @@ def parse_arguments():
     what, how, examples = __doc__.split("\n\n")
     p = replays.common_arguments(f"{what}\n\n{how}", "examples:\n" + examples)
     p.add_argument("--quick", action="store_true", help="stress test under one policy, one simulated trajectory, fewer repetitions")
-    p.add_argument("--runs", type=int, help="replays of each recording and policy, of which the fastest counts; default 3, --quick 1")
+    p.add_argument("--runs", type=replays.positive, help="replays of each recording and policy, of which the fastest counts; default 3, --quick 1")
     p.add_argument("--policies", type=replays.words, help="default: seq, omp, tbb and cuda, as far as they run here")
     p.add_argument("--trajectories", type=replays.words, help="of simulated recordings; default: all, --quick: builtin")
-    p.add_argument("--keyframes", type=int, help="per simulated recording; default 100, --quick 40")
+    p.add_argument("--keyframes", type=replays.positive, help="per simulated recording; default 100, --quick 40")
     p.add_argument("--no-recorded", action="store_true", help="simulated recordings only")
     p.add_argument("--no-simulated", action="store_true", help="recordings only")
     p.add_argument("--no-inertial", action="store_true", help="no replays with the recordings' IMU")
@@ -77,7 +77,7 @@ def parse_arguments():
     args.policy, args.seeds, args.noise, args.drift = "seq", ["1"], ["0.5"], "0.01"
     args.rigs = [rig for rig in replays.RIGS if rig != "mono" and not (args.no_inertial and rig.endswith("inertial"))]
     args.seconds = []  # that each program took whose results are shown, also in a run before this one
-    args.runs = 1 if args.no_times else max(args.runs or (1 if args.quick else 3), 1)
+    args.runs = 1 if args.no_times else args.runs or (1 if args.quick else 3)
     args.keyframes = args.keyframes or (40 if args.quick else 100)
     args.trajectories = args.trajectories or (["builtin"] if args.quick else None)
     return args
@@ -312,14 +312,14 @@ def number(shown):
 
 
 def write_csv(path, tables):
-    """All figures as they are shown, one per line: title, note, names of the keys, keys, column, value."""
+    """All figures as they are shown, one per line: title, note, names of the keys, keys, column, value. A | within a key is \\|."""
     with open(path, "w", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(["table", "note", "names", "key", "column", "value"])
         for t in tables:
             for key, values in t.rows:
                 for column, value in values.items():
-                    out.writerow([t.title, t.note, "|".join(t.names), "|".join(key), column, value])
+                    out.writerow([t.title, t.note, "|".join(t.names), "|".join(k.replace("|", "\\|") for k in key), column, value])
 
 
 def read_csv(path):
@@ -327,7 +327,7 @@ def read_csv(path):
     with open(path, newline="") as file:
         for row in csv.DictReader(file):
             t = tables.setdefault(row["table"], table(row["table"], row["note"], row["names"].split("|")))
-            key = tuple(row["key"].split("|"))
+            key = tuple(k.replace("\\|", "|") for k in re.split(r"(?<!\\)\|", row["key"]))
             if not t.rows or t.rows[-1][0] != key:
                 t.rows.append((key, {}))
             t.rows[-1][1][row["column"]] = row["value"]

@@ -45,6 +45,31 @@ def positive(text):
     return int(text)
 
 
+def not_negative(text):
+    if int(text) < 0:
+        raise argparse.ArgumentTypeError(f"'{text}' is negative")
+    return int(text)
+
+
+def checked(pattern, what):
+    """The type of an option whose text must match."""
+    def parse(text):
+        if not re.fullmatch(pattern, text):
+            raise argparse.ArgumentTypeError(f"'{text}' is not {what}")
+        return text
+    return parse
+
+
+def each(one):
+    """The type of an option of several words."""
+    return lambda text: [one(word) for word in words(text)]
+
+
+rig = checked("|".join(RIGS), "one of " + ", ".join(RIGS))
+seed = checked("[0-9]+", "a whole number")
+amount = checked(r"([0-9]+\.?[0-9]*|\.[0-9]+)(e[-+]?[0-9]+)?", "a number from 0 on")
+
+
 def common_arguments(description, examples=None):
     p = argparse.ArgumentParser(description=description, epilog=examples, allow_abbrev=False,
                                 formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -58,13 +83,13 @@ def common_arguments(description, examples=None):
 
 def parse_arguments():
     p = common_arguments(__doc__.split("\n\n")[0])
-    p.add_argument("--jobs", type=int, default=1, help="replays at a time")
-    p.add_argument("--rigs", type=words, default=["mono", "stereo", "fisheye"], help="of simulated recordings: " + ",".join(RIGS))
+    p.add_argument("--jobs", type=positive, default=1, help="replays at a time")
+    p.add_argument("--rigs", type=each(rig), default=["mono", "stereo", "fisheye"], help="of simulated recordings: " + ",".join(RIGS))
     p.add_argument("--trajectories", type=words, default=None, help="'builtin' and names of DATA/trajectories; default: all")
-    p.add_argument("--seeds", type=words, default=list("12345"))
-    p.add_argument("--noise", type=words, default=["0.25", "0.5", "1"], help="px at the finest level")
-    p.add_argument("--keyframes", type=int, default=100, help="per simulated recording, at most")
-    p.add_argument("--drift", default="0.01", help="of the poses that come in, m per m; less would tell mapping what it has to find")
+    p.add_argument("--seeds", type=each(seed), default=list("12345"))
+    p.add_argument("--noise", type=each(amount), default=["0.25", "0.5", "1"], help="px at the finest level")
+    p.add_argument("--keyframes", type=not_negative, default=100, help="per simulated recording, at most; 0: all the way")
+    p.add_argument("--drift", type=amount, default="0.01", help="of the poses that come in, m per m; less would tell mapping what it has to find")
     p.add_argument("--no-recorded", action="store_true", help="simulated recordings only")
     p.add_argument("--no-simulated", action="store_true", help="recorded ones only")
     p.add_argument("--perturbed", type=positive, default=1,
@@ -303,8 +328,9 @@ def table(names, rows):
     """rows: (values of `names`, {column: number})"""
     columns = dict.fromkeys(column for _, values in rows for column in values)
     columns = [c for c in columns if told([values for _, values in rows], c)]
-    lines = ["| " + " | ".join([*names, *columns]) + " |", "|" + "---|" * (len(names) + len(columns))]
-    lines += ["| " + " | ".join([*map(str, key), *(show(values.get(c)) for c in columns)]) + " |" for key, values in rows]
+    line = lambda cells: "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
+    lines = [line([*names, *columns]), "|" + "---|" * (len(names) + len(columns))]
+    lines += [line([*key, *(show(values.get(c)) for c in columns)]) for key, values in rows]
     return "\n".join(lines)
 
 

@@ -13,6 +13,7 @@ import sys
 import tempfile
 import time
 import unittest
+import unittest.mock
 
 TOOLS = pathlib.Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(TOOLS))
@@ -347,6 +348,32 @@ class evaluation(unittest.TestCase):
         at_clock = evaluate.table("t", "", ["recording", "who"])
         at_clock.add(["euroc_tiny", "seq"], {"search": 1234, "fusion": 1})
         self.assertEqual(evaluate.below_at_clock(at_clock), " At the peer's clock, of 1 rows: fusion in 1.")
+
+    def test_options_that_are_refused(self):
+        for program, option, value in (("evaluate_creation.py", "--rigs", "mono,foo"), ("evaluate_creation.py", "--jobs", "0"),
+                                       ("evaluate_creation.py", "--seeds", "1,x"), ("evaluate_creation.py", "--keyframes", "-1"),
+                                       ("evaluate_creation.py", "--noise", "0.5,nan"), ("evaluate_creation.py", "--drift", "-1"),
+                                       ("evaluate.py", "--keyframes", "-1"), ("evaluate.py", "--runs", "0")):
+            done = subprocess.run([sys.executable, str(TOOLS / program), option, value], capture_output=True, text=True,
+                                  env=self.environment())
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertRegex(done.stderr.splitlines()[-1], f"error: argument {option}: .*'{value.split(',')[-1]}'")
+
+    def test_options_that_are_taken(self):
+        taken = "--rigs stereo,fisheye --seeds 0,12 --noise 0,.5,1e-3 --drift 2. --keyframes 0"
+        with unittest.mock.patch.object(sys, "argv", ["evaluate_creation.py", *taken.split()]):
+            args = replays.parse_arguments()
+        self.assertEqual((args.rigs, args.seeds, args.noise, args.drift, args.keyframes),
+                         (["stereo", "fisheye"], ["0", "12"], ["0", ".5", "1e-3"], "2.", 0))
+
+    def test_a_name_with_the_mark_between_cells(self):
+        written = evaluate.table("t", "", ["recording", "who"])
+        written.add(["a|b", "seq"], {"ms": 1})
+        written.add(["a", "b"], {"ms": 2})
+        evaluate.write_csv(self.root / "t.csv", [written])
+        (read,) = evaluate.read_csv(self.root / "t.csv")
+        self.assertEqual(read.rows, written.rows)
+        self.assertIn("| a\\|b | seq | 1 |", read.markdown())
 
     def test_help_tells_how_to_begin(self):
         said = subprocess.run([sys.executable, str(TOOLS / "evaluate.py"), "--help"], capture_output=True, text=True).stdout
