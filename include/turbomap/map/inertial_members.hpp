@@ -26,10 +26,6 @@ TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
-template <class M>
-using map_keyframe = typename map_traits<M>::keyframe;
-template <class M>
-map_keyframe<M> keyframe_of_map();
 template <class S>
 const S& a_const();
 
@@ -41,31 +37,34 @@ using inertial_gravity = fits<decltype(T::gravity(read_map<M>())), vec3<double>>
 template <class M, class T>
 using inertial_T_bc = fits<decltype(T::T_bc(read_map<M>())), rigid_transform<double>>;
 template <class M, class T>
-using inertial_velocity = fits<decltype(T::velocity(read_map<M>(), keyframe_of_map<M>())), vec3<double>>;
+using inertial_velocity = fits<decltype(T::velocity(read_map<M>(), a_keyframe<map_traits<M>>())), vec3<double>>;
 template <class M, class T>
-using inertial_bias = fits<decltype(T::bias(read_map<M>(), keyframe_of_map<M>())), imu_bias<double>>;
+using inertial_bias = fits<decltype(T::bias(read_map<M>(), a_keyframe<map_traits<M>>())), imu_bias<double>>;
 template <class M, class T>
 using inertial_motion =
-    fits<decltype(T::motion(read_map<M>(), keyframe_of_map<M>(), std::declval<preintegration<double>&>())), bool>;
+    fits<decltype(T::motion(read_map<M>(), a_keyframe<map_traits<M>>(), std::declval<preintegration<double>&>())),
+         bool>;
 template <class M, class T>
 using inertial_set_velocity =
-    fits<decltype(T::set_velocity(write_map<M>(), keyframe_of_map<M>(), a_const<vec3<double>>())), anything>;
+    fits<decltype(T::set_velocity(write_map<M>(), a_keyframe<map_traits<M>>(), a_const<vec3<double>>())), anything>;
 template <class M, class T>
 using inertial_set_bias =
-    fits<decltype(T::set_bias(write_map<M>(), keyframe_of_map<M>(), a_const<imu_bias<double>>())), anything>;
+    fits<decltype(T::set_bias(write_map<M>(), a_keyframe<map_traits<M>>(), a_const<imu_bias<double>>())), anything>;
 template <class M, class T>
 using inertial_set_motion =
-    fits<decltype(T::set_motion(write_map<M>(), keyframe_of_map<M>(), a_const<preintegration<double>>())), anything>;
+    fits<decltype(T::set_motion(write_map<M>(), a_keyframe<map_traits<M>>(), a_const<preintegration<double>>())),
+         anything>;
 template <class M, class T>
-using inertial_clear_motion = fits<decltype(T::clear_motion(write_map<M>(), keyframe_of_map<M>())), anything>;
+using inertial_clear_motion = fits<decltype(T::clear_motion(write_map<M>(), a_keyframe<map_traits<M>>())), anything>;
 
 template <class M, class T>
 using inertial_refined_member = if_converts<decltype(T::refined(read_map<M>())), bool>;
 template <class M, class T>
-using inertial_join_member = decltype(T::join_samples(write_map<M>(), keyframe_of_map<M>(), keyframe_of_map<M>()));
+using inertial_join_member =
+    decltype(T::join_samples(write_map<M>(), a_keyframe<map_traits<M>>(), a_keyframe<map_traits<M>>()));
 template <class M, class T>
 using inertial_bias_member =
-    decltype(T::bias_changed(write_map<M>(), keyframe_of_map<M>(), a_const<imu_bias<double>>()));
+    decltype(T::bias_changed(write_map<M>(), a_keyframe<map_traits<M>>(), a_const<imu_bias<double>>()));
 template <class M, class T>
 using inertial_initialise_member = std::void_t<decltype(T::set_gravity(write_map<M>(), a_const<vec3<double>>())),
                                                decltype(T::set_initialised(write_map<M>(), bool{}))>;

@@ -18,16 +18,6 @@ TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
-// What the arguments of a member are. M: the map, T: its traits.
-template <class M>
-const M& read_map();
-template <class M>
-M& write_map();
-template <class T>
-keyframe_of<T> a_keyframe();
-template <class T>
-point_of<T> a_point();
-
 /// Every optional member: see has_name().
 struct optional_names {
   int may_erase, is_origin, found_ratio, reserve_observations, octave_counts, change_octave_count, covariance,
