@@ -19,6 +19,7 @@
 #include "order_observations.hpp"
 #include "reduced_system.hpp"
 #include "solve_dense.hpp"
+#include "step_solver.hpp"
 #include "step_sums.hpp"
 #include "structure.hpp"
 #include "unknown_order.hpp"
@@ -52,15 +53,6 @@ struct solver_workspace {
   array<awaited<survey_report>, host_memory> survey;    ///< what the first linearisation is like, written by the policy
   array<observation_report, host_memory> observations;  ///< what the policy tells of lists that it made
   plain_vector<double> ordered_x;                       ///< x in an unknown_order
-};
-
-/// Steps of the free frames.
-struct reduced_step {
-  bool solved = false;  ///< whether there is a step: false where the matrix is singular or not positive definite
-  int iterations = 0;   ///< of an iterative solver
-  const double* step = nullptr;             ///< where the policy computes
-  const double* on_host = nullptr;          ///< null: not asked for
-  const double* solved_resident = nullptr;  ///< with no `on_host`: whether it was solved, where the policy computes
 };
 
 /// The reduced matrix in full. The host solves it in an unknown_order where there are others than those of landmarks; it is
@@ -193,11 +185,10 @@ class sparse_system {
 };
 
 /// \tparam System  dense_system or sparse_system
-template <class A, int V, int D, class System>
-class cholesky_solver {
+template <class Policy, class A, int V, int D, class System>
+class cholesky_solver final : public detail::step_solver<Policy> {
  public:
   /// \param ctx  its scratch holds the system for the rest of the call   \param workspace  must outlive this
-  template <class Policy>
   cholesky_solver(context<Policy>& ctx, const schur_view<A>& s, const adjustment_structure& structure,
                   solver_workspace<D>& workspace)
       : s_(s), workspace_(workspace), system_(workspace, structure) {
@@ -210,8 +201,7 @@ class cholesky_solver {
   }
 
   /// Forms the damped system and solves it. Waits where the host solves it.
-  template <class Policy>
-  reduced_step solve(context<Policy>& ctx, const damping& damping) {
+  reduced_step solve(context<Policy>& ctx, const damping& damping) override {
     form(ctx, damping);
     solves_there_ = solve_there(ctx);
     if (solves_there_) return enqueued();
@@ -225,10 +215,9 @@ class cholesky_solver {
   }
 
   /// Whether the policy solved the last system, and can solve the next one without the host.
-  bool solves_there() const { return solves_there_; }
+  bool solves_there() const override { return solves_there_; }
   /// The same as solve(), with a damping that the policy knows by then: nothing waits. \param lambda  see schur_view
-  template <class Policy>
-  reduced_step solve_ahead(context<Policy>& ctx, const damping& damping, const double* lambda) {
+  reduced_step solve_ahead(context<Policy>& ctx, const damping& damping, const double* lambda) override {
     s_.lambda = lambda;
     form(ctx, damping);
     solve_there(ctx);
@@ -238,7 +227,6 @@ class cholesky_solver {
 
  private:
   reduced_step enqueued() const { return {true, 0, x_, nullptr, x_ + unknowns()}; }
-  template <class Policy>
   bool solve_there(context<Policy>& ctx) {
     if constexpr (System::fills_gaps) {
       const int n = s_.free_frames * D, stride = static_cast<int>(unknowns());
@@ -250,7 +238,6 @@ class cholesky_solver {
   }
   std::size_t unknowns() const { return system_.unknowns(); }
 
-  template <class Policy>
   void form(context<Policy>& ctx, const damping& damping) {
     if (System::fills_gaps && s_.blocks < s_.free_frames * (s_.free_frames - 1) / 2)
       fill_bytes(ctx.policy(), matrix_, 0, system_.size() * sizeof(double));

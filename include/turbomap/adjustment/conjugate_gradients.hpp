@@ -23,11 +23,10 @@
 TURBOMAP_BEGIN_NAMESPACE
 
 /// Solves to a relative residual, in the norm of the preconditioner.
-template <class A, int V, int D>
-class pcg_solver {
+template <class Policy, class A, int V, int D>
+class pcg_solver final : public detail::step_solver<Policy> {
  public:
   /// \param tolerance  relative, of the residual   \param max_iterations  after so many the step is taken as it is
-  template <class Policy>
   pcg_solver(context<Policy>& ctx, const schur_view<A>& s, solver_workspace<D>& workspace, double tolerance,
              int max_iterations)
       : s_(s), workspace_(workspace), tolerance_(tolerance), max_iterations_(max_iterations) {
@@ -39,17 +38,8 @@ class pcg_solver {
     s_.blocks = 0;  // the diagonal ones alone
   }
 
-  /// See cholesky_solver: never.
-  bool solves_there() const { return false; }
-  /// See cholesky_solver: not asked for.
-  template <class Policy>
-  reduced_step solve_ahead(context<Policy>&, const damping&, const double*) {
-    return {};
-  }
-
   /// Solves the damped system. The host reads inner products in every iteration.
-  template <class Policy>
-  reduced_step solve(context<Policy>& ctx, const damping& damping) {
+  reduced_step solve(context<Policy>& ctx, const damping& damping) override {
     const auto& policy = ctx.policy();
     const int f = s_.free_frames;
     const std::size_t n = static_cast<std::size_t>(f) * D;
@@ -81,7 +71,6 @@ class pcg_solver {
   }
 
  private:
-  template <class Policy>
   double sum(context<Policy>& ctx) {
     const auto n = static_cast<std::size_t>(s_.free_frames);
     return detail::sum_in_order(on_host(ctx, product_, n, workspace_.matrix), n);

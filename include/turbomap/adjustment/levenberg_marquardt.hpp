@@ -86,16 +86,14 @@ class levenberg_marquardt {
     const schur_view<A>& s = equations_.now().view();
     if constexpr (Solvers::has(reduced_solver::dense))
       if (chosen == reduced_solver::dense)
-        return iterate(
-            detail::step_solver_of<Policy, cholesky_solver<A, V, D, dense_system<V, D, memory_of_t<Policy>>>>(
-                ctx_, s, data_.structure, data_.workspace));
+        return iterate(cholesky_solver<Policy, A, V, D, dense_system<V, D, memory_of_t<Policy>>>(
+            ctx_, s, data_.structure, data_.workspace));
     if constexpr (Solvers::has(reduced_solver::sparse))
       if (chosen == reduced_solver::sparse)
-        return iterate(detail::step_solver_of<Policy, cholesky_solver<A, V, D, sparse_system<D>>>(
-            ctx_, s, data_.structure, data_.workspace));
+        return iterate(cholesky_solver<Policy, A, V, D, sparse_system<D>>(ctx_, s, data_.structure, data_.workspace));
     if constexpr (Solvers::has(reduced_solver::pcg))
-      return iterate(detail::step_solver_of<Policy, pcg_solver<A, V, D>>(
-          ctx_, s, data_.workspace, options_.pcg_tolerance, options_.pcg_max_iterations));
+      return iterate(
+          pcg_solver<Policy, A, V, D>(ctx_, s, data_.workspace, options_.pcg_tolerance, options_.pcg_max_iterations));
     return adjustment_end::singular;  // not reached: choose_solver() gives one that there is
   }
 

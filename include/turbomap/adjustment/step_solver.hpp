@@ -5,14 +5,20 @@
 /// \file
 /// The solvers of the reduced system behind one interface, so that the loop that calls them is compiled once for all.
 
-#include <utility>
-
 #include "../config.hpp"
 #include "../context.hpp"
-#include "cholesky_solver.hpp"
 #include "damping.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
+
+/// Steps of the free frames.
+struct reduced_step {
+  bool solved = false;  ///< whether there is a step: false where the matrix is singular or not positive definite
+  int iterations = 0;   ///< of an iterative solver
+  const double* step = nullptr;             ///< where the policy computes
+  const double* on_host = nullptr;          ///< null: not asked for
+  const double* solved_resident = nullptr;  ///< with no `on_host`: whether it was solved, where the policy computes
+};
 
 namespace detail {
 
@@ -20,27 +26,15 @@ namespace detail {
 template <class Policy>
 class step_solver {
  public:
+  /// Solves the damped system.
   virtual reduced_step solve(context<Policy>& ctx, const damping& damping) = 0;
-  virtual bool solves_there() const = 0;
-  virtual reduced_step solve_ahead(context<Policy>& ctx, const damping& damping, const double* lambda) = 0;
+  /// Whether the policy solved the last system, and can solve the next one without the host.
+  virtual bool solves_there() const { return false; }
+  /// The same as solve(), with a damping that the policy knows by then: nothing waits. \param lambda  see schur_view
+  virtual reduced_step solve_ahead(context<Policy>&, const damping&, const double*) { return {}; }
 
  protected:
   ~step_solver() = default;
-};
-
-template <class Policy, class Solver>
-class step_solver_of final : public step_solver<Policy> {
- public:
-  template <class... Arguments>
-  explicit step_solver_of(Arguments&&... arguments) : solver_(std::forward<Arguments>(arguments)...) {}
-  reduced_step solve(context<Policy>& ctx, const damping& damping) override { return solver_.solve(ctx, damping); }
-  bool solves_there() const override { return solver_.solves_there(); }
-  reduced_step solve_ahead(context<Policy>& ctx, const damping& damping, const double* lambda) override {
-    return solver_.solve_ahead(ctx, damping, lambda);
-  }
-
- private:
-  Solver solver_;
 };
 
 }  // namespace detail
