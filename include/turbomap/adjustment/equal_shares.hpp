@@ -9,6 +9,7 @@
 #include <limits>
 
 #include "../config.hpp"
+#include "../first_where.hpp"
 #include "../memory.hpp"
 #include "../parallel.hpp"
 
@@ -28,15 +29,7 @@ struct equal_shares {
     const long long all = work(n);
     const long long begin = all * share / shares;
     const long long end = share + 1 < shares ? all * (share + 1) / shares : std::numeric_limits<long long>::max();
-    int i = 0, above = n;
-    while (i < above) {
-      const int middle = i + (above - i) / 2;
-      if (work(middle) < begin)
-        i = middle + 1;
-      else
-        above = middle;
-    }
-    for (; i < n && work(i) < end; ++i) f(i);
+    for (int i = first_where(0, n, [&](int k) { return work(k) >= begin; }); i < n && work(i) < end; ++i) f(i);
   }
 };
 

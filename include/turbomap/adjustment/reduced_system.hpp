@@ -9,6 +9,7 @@
 #include <cstddef>
 
 #include "../config.hpp"
+#include "../first_where.hpp"
 #include "../math/pack.hpp"
 #include "../parallel.hpp"
 #include "compact_products.hpp"
@@ -80,24 +81,10 @@ struct reduce_blocks {
     if (i == 0) return {0, 0};
     if (i == parts) return {s.free_frames, s.blocks};
     const long long before = work(s.free_frames, s.blocks) * i / parts;
-    int block = 0, end = s.blocks;
-    while (block < end) {
-      const int middle = block + (end - block) / 2;
-      if (work(s.block_row[middle] + 1, middle + 1) <= before)
-        block = middle + 1;
-      else
-        end = middle;
-    }
+    const int block = first_where(0, s.blocks, [&](int b) { return work(s.block_row[b] + 1, b + 1) > before; });
     if (block < s.blocks) return {s.block_row[block] + 1, block};
-    int row = s.blocks > 0 ? s.block_row[s.blocks - 1] + 1 : 0, rows = s.free_frames;
-    while (row < rows) {
-      const int middle = row + (rows - row) / 2;
-      if (work(middle + 1, s.blocks) <= before)
-        row = middle + 1;
-      else
-        rows = middle;
-    }
-    return {row, s.blocks};
+    const int row = s.blocks > 0 ? s.block_row[s.blocks - 1] + 1 : 0;
+    return {first_where(row, s.free_frames, [&](int r) { return work(r + 1, s.blocks) > before; }), s.blocks};
   }
 
   TURBOMAP_HD void any_diagonal(int f) const {

@@ -5,6 +5,7 @@
 /// \file
 /// The keyframes of a user's map in a keyframe store: which handle each one has.
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -66,15 +67,9 @@ class handle_table {
 
   /// Of the first id that is not smaller.
   std::size_t place(std::uint64_t id) const {
-    std::size_t begin = 0, end = entries_.size();
-    while (begin < end) {
-      const std::size_t middle = begin + (end - begin) / 2;
-      if (entries_[middle].id < id)
-        begin = middle + 1;
-      else
-        end = middle;
-    }
-    return begin;
+    const auto is_before = [](const entry& e, std::uint64_t other) { return e.id < other; };
+    return static_cast<std::size_t>(std::lower_bound(entries_.begin(), entries_.end(), id, is_before) -
+                                    entries_.begin());
   }
   bool is_at(std::size_t place, std::uint64_t id) const { return place < entries_.size() && entries_[place].id == id; }
 

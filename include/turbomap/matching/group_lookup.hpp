@@ -10,6 +10,7 @@
 
 #include "../config.hpp"
 #include "../context.hpp"
+#include "../first_where.hpp"
 #include "../types.hpp"
 #include "correspondences.hpp"
 
@@ -26,12 +27,7 @@ namespace detail {
 
 /// Position `p` of the keypoints of all groups -> its group.
 TURBOMAP_HD inline int group_at(const group_index_view& groups, std::uint32_t p) {
-  int low = 0, high = groups.group_count;
-  while (high - low > 1) {
-    const int middle = (low + high) / 2;
-    (groups.offsets[static_cast<std::size_t>(middle)] <= p ? low : high) = middle;
-  }
-  return low;
+  return first_where(1, groups.group_count, [&](int g) { return groups.offsets[static_cast<std::size_t>(g)] > p; }) - 1;
 }
 TURBOMAP_HD inline std::uint32_t grouped_count(const group_index_view& groups) {
   return groups.group_count == 0 ? 0 : groups.offsets[static_cast<std::size_t>(groups.group_count)];
@@ -54,15 +50,8 @@ struct look_up_query_groups {
 
  private:
   TURBOMAP_HD bool holds_no_point(std::int32_t keypoint) const {
-    int low = 0, high = search.slot_count;
-    while (low < high) {
-      const int middle = (low + high) / 2;
-      if (search.queries[middle] < keypoint)
-        low = middle + 1;
-      else
-        high = middle;
-    }
-    return low < search.slot_count && search.queries[low] == keypoint;
+    const int slot = first_where(0, search.slot_count, [&](int i) { return search.queries[i] >= keypoint; });
+    return slot < search.slot_count && search.queries[slot] == keypoint;
   }
 };
 
@@ -73,11 +62,7 @@ struct look_up_neighbour_groups {
   group_lookup lookup;
 
   TURBOMAP_HD void operator()(int i) const {
-    int n = 0;
-    for (int high = search.neighbour_count; high - n > 1;) {
-      const int middle = (n + high) / 2;
-      (search.has_point_offset[middle] <= i ? n : high) = middle;
-    }
+    const int n = first_where(1, search.neighbour_count, [&](int k) { return search.has_point_offset[k] > i; }) - 1;
     const auto& groups = search.neighbour(n).groups;
     const auto p = static_cast<std::uint32_t>(i - search.has_point_offset[n]);
     if (p < grouped_count(groups))

@@ -6,8 +6,10 @@
 /// What chunk_allocator knows of its memory: chunks, the pieces that they are cut into, the free ones by size.
 
 #include <cstddef>
+#include <tuple>
 
 #include "../config.hpp"
+#include "../first_where.hpp"
 #include "../plain_vector.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -59,15 +61,10 @@ class free_ranges {
 
  private:
   [[gnu::noinline]] std::size_t first_not_before(std::size_t bytes, std::size_t number, std::size_t offset) const {
-    std::size_t begin = 0, end = sorted_.size();
-    while (begin < end) {
-      const std::size_t middle = begin + (end - begin) / 2;
-      const chunk_range& r = *sorted_[middle];
-      const bool before = r.bytes != bytes ? r.bytes < bytes
-                                           : (r.owner->number != number ? r.owner->number < number : r.offset < offset);
-      (before ? begin : end) = before ? middle + 1 : middle;
-    }
-    return begin;
+    return first_where(std::size_t{0}, sorted_.size(), [&](std::size_t i) {
+      const chunk_range& r = *sorted_[i];
+      return std::tie(r.bytes, r.owner->number, r.offset) >= std::tie(bytes, number, offset);
+    });
   }
 
   plain_vector<chunk_range*> sorted_;
