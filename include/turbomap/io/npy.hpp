@@ -33,33 +33,6 @@ struct npy_row {
   using scalar = Row;                        ///< type of the numbers in the file
   static constexpr std::size_t columns = 1;  ///< numbers per row
 };
-/// A row of two numbers: x, y.
-template <class T>
-struct npy_row<vec2<T>> {
-  /// @{
-  /// As in the general template.
-  using scalar = T;
-  static constexpr std::size_t columns = 2;
-  /// @}
-};
-/// A row of three numbers: x, y, z.
-template <class T>
-struct npy_row<vec3<T>> {
-  /// @{
-  /// As in the general template.
-  using scalar = T;
-  static constexpr std::size_t columns = 3;
-  /// @}
-};
-/// A row of seven numbers: qx, qy, qz, qw, tx, ty, tz.
-template <class T>
-struct npy_row<rigid_transform<T>> {
-  /// @{
-  /// As in the general template.
-  using scalar = T;
-  static constexpr std::size_t columns = 7;
-  /// @}
-};
 /// A row of N numbers.
 template <class T, std::size_t N>
 struct npy_row<std::array<T, N>> {
@@ -69,6 +42,15 @@ struct npy_row<std::array<T, N>> {
   static constexpr std::size_t columns = N;
   /// @}
 };
+/// A row of two numbers: x, y.
+template <class T>
+struct npy_row<vec2<T>> : npy_row<std::array<T, 2>> {};
+/// A row of three numbers: x, y, z.
+template <class T>
+struct npy_row<vec3<T>> : npy_row<std::array<T, 3>> {};
+/// A row of seven numbers: qx, qy, qz, qw, tx, ty, tz.
+template <class T>
+struct npy_row<rigid_transform<T>> : npy_row<std::array<T, 7>> {};
 
 /// An array of any shape, as it lies in a file.
 template <class T>

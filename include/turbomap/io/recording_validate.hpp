@@ -101,42 +101,35 @@ class array_checks {
   std::filesystem::path directory_;
 };
 
+/// How many rows an array of this kind has, by the other arrays.
+inline std::size_t row_count(const recording& r, recording_rows what) {
+  switch (what) {
+    case recording_rows::keyframes:
+      return r.t_ns.size();
+    case recording_rows::keyframe_offsets:
+      return r.t_ns.size() + 1;
+    case recording_rows::keypoints:
+      return r.kp_xy.size();
+    case recording_rows::associations:
+      return r.assoc_kp.size();
+    case recording_rows::recent:
+      return r.recent_ref.size();
+    case recording_rows::imu:
+      return r.imu_t_ns.size();
+    case recording_rows::ground_truth:
+      return r.gt_t_ns.size();
+    case recording_rows::frames:
+      return r.frame_t_ns.size();
+    case recording_rows::scene_points:
+      return r.sim_point_xyz.size();
+  }
+  return 0;
+}
+
 inline void check_row_counts(const recording& r, const array_checks& check) {
-  const std::size_t keyframes = r.t_ns.size();
-  if (keyframes == 0) check.fail("log_t_ns", "is empty: a recording has a keyframe at least");
+  if (r.t_ns.empty()) check.fail("log_t_ns", "is empty: a recording has a keyframe at least");
   visit_arrays(r, [&](const char* name, const auto& rows, recording_rows what, presence must) {
-    if (must == presence::optional && rows.empty()) return;
-    std::size_t expected = 0;
-    switch (what) {
-      case recording_rows::keyframes:
-        expected = keyframes;
-        break;
-      case recording_rows::keyframe_offsets:
-        expected = keyframes + 1;
-        break;
-      case recording_rows::keypoints:
-        expected = r.kp_xy.size();
-        break;
-      case recording_rows::associations:
-        expected = r.assoc_kp.size();
-        break;
-      case recording_rows::recent:
-        expected = r.recent_ref.size();
-        break;
-      case recording_rows::imu:
-        expected = r.imu_t_ns.size();
-        break;
-      case recording_rows::ground_truth:
-        expected = r.gt_t_ns.size();
-        break;
-      case recording_rows::frames:
-        expected = r.frame_t_ns.size();
-        break;
-      case recording_rows::scene_points:
-        expected = r.sim_point_xyz.size();
-        break;
-    }
-    check.size(name, rows.size(), expected);
+    if (must == presence::required || !rows.empty()) check.size(name, rows.size(), row_count(r, what));
   });
   const auto together = [&](const char* name, bool there, bool first) {
     if (there != first) check.fail(name, first ? "is missing" : "is there without the arrays it belongs to");

@@ -86,30 +86,27 @@ TURBOMAP_HD inline int reduce_quadrant(strict<double> x, strict<double>& r) {
   return static_cast<int>(n.value) & 3;
 }
 
+/// first z^n + ... + last, by Horner's rule.
+template <class... Numbers>
+TURBOMAP_HD strict<double> polynomial(strict<double> z, double first, Numbers... others) {
+  strict<double> p(first);
+  ((p = p * z + strict<double>(others)), ...);
+  return p;
+}
+
 /// Taylor series on |r| <= pi/4, truncated below 1e-18 relative.
 TURBOMAP_HD inline strict<double> sin_series(strict<double> r) {
   using S = strict<double>;
   const S z = r * r;
-  S p = S(1.0 / 355687428096000.0);
-  p = p * z + S(-1.0 / 1307674368000.0);
-  p = p * z + S(1.0 / 6227020800.0);
-  p = p * z + S(-1.0 / 39916800.0);
-  p = p * z + S(1.0 / 362880.0);
-  p = p * z + S(-1.0 / 5040.0);
-  p = p * z + S(1.0 / 120.0);
-  p = p * z + S(-1.0 / 6.0);
+  const S p = polynomial(z, 1.0 / 355687428096000.0, -1.0 / 1307674368000.0, 1.0 / 6227020800.0, -1.0 / 39916800.0,
+                         1.0 / 362880.0, -1.0 / 5040.0, 1.0 / 120.0, -1.0 / 6.0);
   return r + r * (z * p);
 }
 TURBOMAP_HD inline strict<double> cos_series(strict<double> r) {
   using S = strict<double>;
   const S z = r * r;
-  S p = S(1.0 / 20922789888000.0);
-  p = p * z + S(-1.0 / 87178291200.0);
-  p = p * z + S(1.0 / 479001600.0);
-  p = p * z + S(-1.0 / 3628800.0);
-  p = p * z + S(1.0 / 40320.0);
-  p = p * z + S(-1.0 / 720.0);
-  p = p * z + S(1.0 / 24.0);
+  const S p = polynomial(z, 1.0 / 20922789888000.0, -1.0 / 87178291200.0, 1.0 / 479001600.0, -1.0 / 3628800.0,
+                         1.0 / 40320.0, -1.0 / 720.0, 1.0 / 24.0);
   return S(1) + (S(-0.5) * z + z * (z * p));
 }
 
@@ -132,12 +129,7 @@ TURBOMAP_HD inline strict<double> first_octant(strict<double> low, strict<double
   const S c = S(k) * S(0.125);
   const S r = (low - c * high) / (high + c * low);  // tan of a difference; |r| <= 1/16
   const S z = r * r;
-  S p = S(1.0 / 13.0);
-  p = p * z + S(-1.0 / 11.0);
-  p = p * z + S(1.0 / 9.0);
-  p = p * z + S(-1.0 / 7.0);
-  p = p * z + S(1.0 / 5.0);
-  p = p * z + S(-1.0 / 3.0);
+  const S p = polynomial(z, 1.0 / 13.0, -1.0 / 11.0, 1.0 / 9.0, -1.0 / 7.0, 1.0 / 5.0, -1.0 / 3.0);
   return S(atan_of_eighths[k]) + (r + r * (z * p));
 }
 
