@@ -57,9 +57,9 @@ struct reduce_blocks {
     const position end = cut(i + 1);
     while (at.row < end.row || at.block < end.block) {
       if (at.row < end.row && (at.block == end.block || at.row <= s.block_row[at.block]))
-        any_diagonal(at.row++);
+        diagonal(at.row++);
       else
-        any_other(at.block++);
+        other(at.block++);
     }
   }
 
@@ -87,22 +87,14 @@ struct reduce_blocks {
     return {first_where(row, s.free_frames, [&](int r) { return work(r + 1, s.blocks) > before; }), s.blocks};
   }
 
-  TURBOMAP_HD void any_diagonal(int f) const {
+  TURBOMAP_HD void diagonal(int f) const {
+    turbomap::damping damping = this->damping;
+    if (s.lambda != nullptr) damping.lambda = *s.lambda;
+    double product[V * V], right[V];
     if constexpr (Compact)
-      compact_diagonal(f);
+      compact_products<A, V>{s}.of_frame(f, product, right);
     else
-      diagonal(f);
-  }
-  TURBOMAP_HD void any_other(int b) const {
-    if constexpr (Compact)
-      compact_other(b);
-    else
-      other(b);
-  }
-
-  TURBOMAP_HD void compact_diagonal(int f) const {
-    double product[36], right[6];
-    compact_products<A, V>{s}.of_frame(f, product, right);
+      sum_of_frame(f, product, right);
     double* S = out.block(0, f, f, s.free_frames, D);
     const int stride = out.dense ? out.stride : D;
     for (int r = 0; r < D; ++r)
@@ -110,23 +102,36 @@ struct reduce_blocks {
         const int h = r >= c ? r * (r + 1) / 2 + c : c * (c + 1) / 2 + r;
         double x = s.H[static_cast<std::ptrdiff_t>(f) * frame_block<D>::triangle + h];
         if (r == c) x += damping(x);
-        S[static_cast<std::ptrdiff_t>(r) * stride + c] = x - product[r * V + c];
+        if (r < V && c < V) x -= product[r * V + c];
+        S[static_cast<std::ptrdiff_t>(r) * stride + c] = x;
       }
-    for (int r = 0; r < D; ++r) out.rhs[f * D + r] = s.b[static_cast<std::ptrdiff_t>(f) * D + r] - right[r];
+    for (int r = 0; r < D; ++r)
+      out.rhs[f * D + r] = s.b[static_cast<std::ptrdiff_t>(f) * D + r] - (r < V ? right[r] : 0);
   }
 
-  TURBOMAP_HD void compact_other(int b) const {
-    double product[36];
-    compact_products<A, V>{s}.between(s.block_row[b], s.block_column[b], s.block_pair[b], s.block_pair[b + 1], product);
+  TURBOMAP_HD void other(int b) const {
+    double product[V * V];
+    if constexpr (Compact)
+      compact_products<A, V>{s}.between(s.block_row[b], s.block_column[b], s.block_pair[b], s.block_pair[b + 1],
+                                        product);
+    else
+      sum_between(b, product);
     double* S = out.block(b, s.block_row[b], s.block_column[b], s.free_frames, D);
     const int stride = out.dense ? out.stride : D;
     for (int r = 0; r < D; ++r)
-      for (int c = 0; c < D; ++c) S[static_cast<std::ptrdiff_t>(r) * stride + c] = -product[r * V + c];
+      for (int c = 0; c < D; ++c)
+        S[static_cast<std::ptrdiff_t>(r) * stride + c] = r < V && c < V ? -product[r * V + c] : 0;
+    if constexpr (!Compact)
+      for (int k = s.block_factor[b]; k < s.block_factor[b + 1]; ++k) {
+        const int code = s.factor_list[k];
+        const double* square = s.sums.factor_square + static_cast<std::ptrdiff_t>(code / 2) * D * D;
+        for (int r = 0; r < D; ++r)
+          for (int c = 0; c < D; ++c)
+            S[static_cast<std::ptrdiff_t>(r) * stride + c] += code % 2 == 0 ? square[r * D + c] : square[c * D + r];
+      }
   }
 
-  TURBOMAP_HD void diagonal(int f) const {
-    turbomap::damping damping = this->damping;
-    if (s.lambda != nullptr) damping.lambda = *s.lambda;
+  TURBOMAP_HD void sum_of_frame(int f, double (&product)[V * V], double (&right_sum)[V]) const {
     P sum[V], right(A(0));
     for (int r = 0; r < V; ++r) sum[r] = P(A(0));
     const int last = s.frame_slot[f + 1] - 1;
@@ -142,25 +147,11 @@ struct reduce_blocks {
         right = multiply_add(P(static_cast<A>(e.c[m])), column, right);
       }
     }
-    double* S = out.block(0, f, f, s.free_frames, D);
-    const int stride = out.dense ? out.stride : D;
-    A lanes[n];
-    for (int r = 0; r < D; ++r) {
-      if (r < V) sum[r].store(lanes);
-      for (int c = 0; c < D; ++c) {
-        const int h = r >= c ? r * (r + 1) / 2 + c : c * (c + 1) / 2 + r;
-        double x = s.H[static_cast<std::ptrdiff_t>(f) * frame_block<D>::triangle + h];
-        if (r == c) x += damping(x);
-        if (r < V && c < V) x -= static_cast<double>(lanes[c]);
-        S[static_cast<std::ptrdiff_t>(r) * stride + c] = x;
-      }
-    }
-    right.store(lanes);
-    for (int r = 0; r < D; ++r)
-      out.rhs[f * D + r] = s.b[static_cast<std::ptrdiff_t>(f) * D + r] - (r < V ? static_cast<double>(lanes[r]) : 0);
+    for (int r = 0; r < V; ++r) store(sum[r], product + r * V);
+    store(right, right_sum);
   }
 
-  TURBOMAP_HD void other(int b) const {
+  TURBOMAP_HD void sum_between(int b, double (&product)[V * V]) const {
     P sum[V];
     for (int r = 0; r < V; ++r) sum[r] = P(A(0));
     const int last = s.block_pair[b + 1] - 1;
@@ -175,21 +166,12 @@ struct reduce_blocks {
         for (int r = 0; r < V; ++r) sum[r] = multiply_add(P(first[m * V + r]), column, sum[r]);
       }
     }
-    double* S = out.block(b, s.block_row[b], s.block_column[b], s.free_frames, D);
-    const int stride = out.dense ? out.stride : D;
+    for (int r = 0; r < V; ++r) store(sum[r], product + r * V);
+  }
+  TURBOMAP_HD static void store(const P& sum, double* to) {
     A lanes[n];
-    for (int r = 0; r < D; ++r) {
-      if (r < V) sum[r].store(lanes);
-      for (int c = 0; c < D; ++c)
-        S[static_cast<std::ptrdiff_t>(r) * stride + c] = r < V && c < V ? -static_cast<double>(lanes[c]) : 0;
-    }
-    for (int k = s.block_factor[b]; k < s.block_factor[b + 1]; ++k) {
-      const int code = s.factor_list[k];
-      const double* square = s.sums.factor_square + static_cast<std::ptrdiff_t>(code / 2) * D * D;
-      for (int r = 0; r < D; ++r)
-        for (int c = 0; c < D; ++c)
-          S[static_cast<std::ptrdiff_t>(r) * stride + c] += code % 2 == 0 ? square[r * D + c] : square[c * D + r];
-    }
+    sum.store(lanes);
+    for (int c = 0; c < V; ++c) to[c] = static_cast<double>(lanes[c]);
   }
 };
 
