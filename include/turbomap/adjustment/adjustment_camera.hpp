@@ -49,9 +49,4 @@ struct adjustment_camera {
   }
 };
 
-/// Throws std::invalid_argument.
-inline void require_correlation(double correlation, const char* argument) {
-  require(correlation >= 0 && correlation < 1, argument, correlation, "must be at least 0 and below 1");
-}
-
 TURBOMAP_END_NAMESPACE

@@ -15,6 +15,7 @@
 #include "../config.hpp"
 #include "../context.hpp"
 #include "../error.hpp"
+#include "../math/number_checks.hpp"
 #include "../named_range.hpp"
 #include "../plain_vector.hpp"
 #include "../span.hpp"
@@ -125,7 +126,7 @@ class motion_only {
     check_not_negative("options.initial_lambda_scale", options.initial_lambda_scale);
     require(options.min_predicted_decrease >= 0 && options.min_predicted_decrease <= 1e-6,
             "options.min_predicted_decrease", options.min_predicted_decrease, "must be within 0 and 1e-6");
-    require_correlation(options.stereo_correlation, "options.stereo_correlation");
+    check_correlation("options.stereo_correlation", options.stereo_correlation);
     require(options.point_steps >= 0, "options.point_steps", options.point_steps, "must not be negative");
     require(options.point_sigmas > 0, "options.point_sigmas", options.point_sigmas, "must be positive");
     require(options.min_observations >= 1, "options.min_observations", options.min_observations, "must be positive");

@@ -11,6 +11,7 @@
 #include "../array.hpp"
 #include "../config.hpp"
 #include "../error.hpp"
+#include "../math/number_checks.hpp"
 #include "../plain_vector.hpp"
 #include "adjustment_camera.hpp"
 #include "factors.hpp"
@@ -48,7 +49,7 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
     detail::require_indices(g.frame, frames, "frame");
     detail::require_indices(g.landmark, landmarks, "landmark");
     validate_rig(g.rig);
-    require_correlation(g.stereo_correlation, "stereo_correlation");
+    check_correlation("stereo_correlation", g.stereo_correlation);
     detail::require_kernel(g.mono_kernel, "mono_kernel");
     detail::require_kernel(g.stereo_kernel, "stereo_kernel");
     detail::require_undefined_chi2(g.undefined_chi2);

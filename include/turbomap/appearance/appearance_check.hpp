@@ -45,8 +45,7 @@ void check_appearance_arguments(const appearance_view& view, span<const posed_ke
   };
   check_scales(options.scales);
   require(!options.covariance || options.geometry, "options.covariance", options.covariance, "needs geometry");
-  require(options.stereo_correlation >= 0 && options.stereo_correlation < 1, "options.stereo_correlation",
-          options.stereo_correlation, "must be at least 0 and below 1");
+  check_correlation("options.stereo_correlation", options.stereo_correlation);
   check_observing_keyframes(keyframes, options);
   require(options.most_views >= 0, "options.most_views", options.most_views, "must not be negative");
   require(view.count >= 0, "view.count", view.count, "must not be negative");

@@ -33,8 +33,7 @@ void check_projection_options(const projection_options& o) {
   check_not_negative("options.coarser_octaves", o.coarser_octaves);
   check_positive("options.mono_chi2", o.mono_chi2);
   check_positive("options.stereo_chi2", o.stereo_chi2);
-  require(o.stereo_correlation >= 0 && o.stereo_correlation < 1, "options.stereo_correlation", o.stereo_correlation,
-          "must be in [0, 1)");
+  check_correlation("options.stereo_correlation", o.stereo_correlation);
   check_not_negative("options.window_sigmas", o.window_sigmas);
   check_positive("options.max_radius", o.max_radius);
   require(o.max_distance >= 0 && o.max_distance < static_cast<double>(Descriptor::worst), "options.max_distance",

@@ -144,7 +144,6 @@ projection_view<Descriptor, Camera> set_up_projection_search(
   v.trials = options.keep_trials ? buffers.trials.data() : nullptr;
   v.claims = buffers.claims.data();
   v.claim_count = keypoints;
-  v.target_count = static_cast<int>(targets.size());
   v.request_count = static_cast<int>(requests);
   v.max_distance = static_cast<typename Descriptor::distance_type>(options.max_distance);
   v.min_range_factor = static_cast<float>(options.min_range_factor);

@@ -45,8 +45,8 @@ template <class Descriptor, class Camera>
 struct projection_view {
   using distance_type = typename Descriptor::distance_type;  ///< of descriptors
 
-  const keyframe_view<Descriptor, Camera>* keyframes;  ///< target_count
-  const rigid_transform<double>* T_cw;                 ///< target_count
+  const keyframe_view<Descriptor, Camera>* keyframes;  ///< [target]
+  const rigid_transform<double>* T_cw;                 ///< [target]
   const projection_request* requests;                  ///< request_count
   map_point_view<Descriptor> points;                   ///< in the memory of the policy
   const float* scale;                                  ///< scale_factor^o
@@ -56,7 +56,6 @@ struct projection_view {
   projection_trial<distance_type>* trials;             ///< [request][point]; null: not kept
   std::uint64_t* claims;                               ///< claim_count: on the keypoints of all targets
   std::size_t claim_count;                             ///< 0 without options.one_to_one
-  int target_count;                                    ///< keyframes searched
   int request_count;                                   ///< cameras of all targets
   distance_type max_distance;                          ///< largest distance of a match
   float min_range_factor;                              ///< times the least distance of a point

@@ -5,7 +5,6 @@
 /// \file
 /// Which options of an adjustment of the map make no sense.
 
-#include "../adjustment/adjustment_camera.hpp"
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../math/number_checks.hpp"
@@ -20,7 +19,7 @@ inline void check(const local_adjustment_options& o) {
   check_positive("options.mono_chi2", o.mono_chi2);
   check_positive("options.stereo_chi2", o.stereo_chi2);
   check_positive("options.outlier_factor", o.outlier_factor);
-  require_correlation(o.stereo_correlation, "options.stereo_correlation");
+  check_correlation("options.stereo_correlation", o.stereo_correlation);
   require(o.min_shared_points >= 0, "options.min_shared_points", o.min_shared_points, "must not be negative");
   require(o.second_min_shared_points >= 0, "options.second_min_shared_points", o.second_min_shared_points,
           "must not be negative");

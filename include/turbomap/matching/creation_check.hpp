@@ -20,7 +20,7 @@ TURBOMAP_BEGIN_NAMESPACE
 inline void check_creation_options(const creation_options& options, float searched) {
   check_positive("options.mono_chi2", options.mono_chi2);
   check_positive("options.stereo_chi2", options.stereo_chi2);
-  check_factor("options.scales.scale_factor", static_cast<double>(options.scales.scale_factor));
+  check_scales(options.scales);
   check_factor("options.scale_tolerance", options.scale_tolerance);
   require(options.max_parallax_cosine <= 1, "options.max_parallax_cosine", options.max_parallax_cosine,
           "must be a cosine");
@@ -37,10 +37,7 @@ inline void check_creation_options(const creation_options& options, float search
   require(options.fewest_keyframes >= 1, "options.fewest_keyframes", options.fewest_keyframes, "must be at least 1");
   require(options.lookalike_ratio >= 0 && options.lookalike_ratio <= 1, "options.lookalike_ratio",
           options.lookalike_ratio, "must be in [0, 1]");
-  require(options.scales.levels >= 1 && options.scales.levels <= scale_table_size, "options.scales.levels",
-          options.scales.levels, "must be in [1, 256]: octaves are bytes");
-  require(options.stereo_correlation >= 0 && options.stereo_correlation < 1, "options.stereo_correlation",
-          options.stereo_correlation, "must be at least 0 and below 1");
+  check_correlation("options.stereo_correlation", options.stereo_correlation);
 }
 
 TURBOMAP_END_NAMESPACE

@@ -19,4 +19,15 @@ TURBOMAP_HD inline int find_group(const group_index_view& groups, std::uint32_t 
   return g < groups.group_count && groups.ids[g] == group ? g : -1;
 }
 
+/// Whether there is a keypoint in the group with f(keypoint). The keypoints of no group are not asked: false.
+template <class Function>
+TURBOMAP_HD bool any_of_group(const group_index_view& groups, std::uint32_t group, const Function& f) {
+  const int g = group == keypoint::no_group ? -1 : find_group(groups, group);
+  if (g < 0) return false;
+  const std::uint32_t end = groups.offsets[static_cast<std::size_t>(g) + 1];
+  for (std::uint32_t k = groups.offsets[static_cast<std::size_t>(g)]; k < end; ++k)
+    if (f(static_cast<std::int32_t>(groups.keypoints[k]))) return true;
+  return false;
+}
+
 TURBOMAP_END_NAMESPACE

@@ -75,15 +75,9 @@ struct keep_mutual_in_group {
   TURBOMAP_HD bool keep(const search_view<Descriptor, Camera>& search, int i) const {
     const mutual_comparison<Descriptor, Camera> comparison(search, i);
     const std::uint32_t id = lookup.neighbour[search.has_point_offset[comparison.n] + comparison.match];
-    const auto& groups = search.query().groups;
-    const int g = id == keypoint::no_group ? -1 : find_group(groups, id);
-    if (g < 0) return true;  // a given match of keypoints without a group
-    for (std::uint32_t k = groups.offsets[static_cast<std::size_t>(g)];
-         k < groups.offsets[static_cast<std::size_t>(g) + 1]; ++k) {
-      const auto q = static_cast<std::int32_t>(groups.keypoints[k]);
-      if (q < lookup.query_size && lookup.query[q] == id && comparison.nearer(q)) return false;
-    }
-    return true;
+    return !any_of_group(search.query().groups, id, [&](std::int32_t q) {
+      return q < lookup.query_size && lookup.query[q] == id && comparison.nearer(q);
+    });
   }
 };
 

@@ -88,17 +88,9 @@ struct keep_ratio_in_group {
   template <class Descriptor, class Camera>
   TURBOMAP_HD bool keep(const search_view<Descriptor, Camera>& search, int i) const {
     ratio_comparison<Descriptor, Camera> comparison(search, i, ratio);
-    const std::uint32_t id = lookup.query[comparison.query()];
-    const auto& groups = search.neighbour(comparison.neighbour()).groups;
-    const int g = id == keypoint::no_group ? -1 : find_group(groups, id);
-    if (g < 0) return true;  // a given match of keypoints without a group
     const std::uint8_t* has_point = search.has_point + search.has_point_offset[comparison.neighbour()];
-    for (std::uint32_t k = groups.offsets[static_cast<std::size_t>(g)];
-         k < groups.offsets[static_cast<std::size_t>(g) + 1]; ++k) {
-      const auto c = static_cast<std::int32_t>(groups.keypoints[k]);
-      if (has_point[c] == 0 && comparison.close(c)) return false;
-    }
-    return true;
+    return !any_of_group(search.neighbour(comparison.neighbour()).groups, lookup.query[comparison.query()],
+                         [&](std::int32_t c) { return has_point[c] == 0 && comparison.close(c); });
   }
 };
 

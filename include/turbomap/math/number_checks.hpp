@@ -46,6 +46,10 @@ inline void check_positive(const char* name, double value) {
 inline void check_not_negative(const char* name, double value) {
   require(value >= 0 && detail::is_finite(value), name, value, "must be finite and not negative");
 }
+/// Throws std::invalid_argument when two errors cannot be so correlated.
+inline void check_correlation(const char* name, double value) {
+  require(value >= 0 && value < 1, name, value, "must be at least 0 and below 1");
+}
 /// Throws std::invalid_argument when a scale factor, or a factor of tolerance, is not finite or below 1.
 inline void check_factor(const char* name, double value) {
   require(value >= 1 && detail::is_finite(value), name, value, "must be finite and at least 1");
