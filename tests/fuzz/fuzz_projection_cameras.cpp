@@ -24,9 +24,5 @@ void run(turbomap_test::test_rig<Camera> rig, choices& c) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   choices c(data, size);
-  if (c.byte() % 8 == 7)
-    run(turbomap_test::equisolid_rig(), c);
-  else
-    run(draw_models(c), c);
-  return 0;
+  return run_on_models(c, 8, [&](const auto& rig) { run(rig, c); });
 }

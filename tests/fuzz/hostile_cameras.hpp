@@ -98,6 +98,15 @@ inline turbomap_test::test_rig<any_model> draw_models(choices& c) {
     rig.cameras.push_back({models[c.below(std::size(models))], mounts[i], c.byte() % 4 == 3 ? 40.0 : 0.0, {}});
   return rig;
 }
+/// run(rig) with such a rig, or one time in `once_in` with that of a user's own model, which has none of the optional members.
+template <class Run>
+int run_on_models(choices& c, unsigned once_in, const Run& run) {
+  if (c.byte() % once_in == once_in - 1)
+    run(turbomap_test::equisolid_rig());
+  else
+    run(draw_models(c));
+  return 0;
+}
 /// Bends up to three times a camera of the rig, now and then its mount or its second image. False: no rig can be so.
 template <class Camera>
 bool bend(turbomap_test::test_rig<Camera>& rig, lens how, choices& c) {
