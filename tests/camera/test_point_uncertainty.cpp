@@ -26,26 +26,10 @@ using turbomap::symmetric3;
 using turbomap::vec2;
 using turbomap::vec3;
 
-template <class S>
-turbomap::isometry<S> to_isometry(const oracle_pose& T) {
-  turbomap::isometry<S> r;
-  for (int i = 0; i < 9; ++i) r.R.m[i] = S(T.R(i / 3, i % 3));
-  r.t = {S(T.t.x()), S(T.t.y()), S(T.t.z())};
-  return r;
-}
 oracle_pose looking(double x, double y, double turn) {
   const oracle_pose T_wc{Eigen::AngleAxisd(turn, Eigen::Vector3d(0.2, 1, 0.1).normalized()).toRotationMatrix(),
                          {x, y, 0}};
   return T_wc.inverse();
-}
-double number(double x) { return x; }
-double number(decision x) { return x.value; }
-template <class S>
-Eigen::Matrix3d to_eigen(const symmetric3<S>& A) {
-  Eigen::Matrix3d M;
-  M << number(A.xx), number(A.yx), number(A.zx), number(A.yx), number(A.yy), number(A.zy), number(A.zx), number(A.zy),
-      number(A.zz);
-  return M;
 }
 
 template <class S, class Camera>

@@ -24,27 +24,14 @@ using turbomap::decision;
 using turbomap::symmetric3;
 using turbomap::vec2;
 using turbomap::vec3;
+using turbomap_test::number;
 using turbomap_test::oracle_pose;
+using turbomap_test::to_eigen;
+using turbomap_test::to_isometry;
 
-template <class S>
-turbomap::isometry<S> to_isometry(const oracle_pose& T) {
-  turbomap::isometry<S> r;
-  for (int i = 0; i < 9; ++i) r.R.m[i] = S(T.R(i / 3, i % 3));
-  r.t = {S(T.t.x()), S(T.t.y()), S(T.t.z())};
-  return r;
-}
 template <class S>
 vec3<S> to_vec3(const Eigen::Vector3d& x) {
   return {S(x.x()), S(x.y()), S(x.z())};
-}
-double number(double x) { return x; }
-double number(decision x) { return x.value; }
-template <class S>
-Eigen::Matrix3d to_eigen(const symmetric3<S>& A) {
-  Eigen::Matrix3d M;
-  M << number(A.xx), number(A.yx), number(A.zx), number(A.yx), number(A.yy), number(A.zy), number(A.zx), number(A.zy),
-      number(A.zz);
-  return M;
 }
 
 /// In double, or in strict numbers.

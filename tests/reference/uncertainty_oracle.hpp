@@ -5,6 +5,9 @@
 /// \file
 /// How well a point is known from its views, as a textbook has it: numeric derivatives, sums and inverses in Eigen.
 
+#include <turbomap/math/linear.hpp>
+#include <turbomap/math/strict.hpp>
+#include <turbomap/math/symmetric3.hpp>
 #include <turbomap/types.hpp>
 
 #include <algorithm>
@@ -17,6 +20,24 @@ TURBOMAP_TEST_EIGEN_BEGIN
 TURBOMAP_TEST_EIGEN_END
 
 namespace turbomap_test {
+
+/// The library's numbers here, plain or strict.
+template <class S>
+turbomap::isometry<S> to_isometry(const oracle_pose& T) {
+  turbomap::isometry<S> r;
+  for (int i = 0; i < 9; ++i) r.R.m[i] = S(T.R(i / 3, i % 3));
+  r.t = {S(T.t.x()), S(T.t.y()), S(T.t.z())};
+  return r;
+}
+inline double number(double x) { return x; }
+inline double number(turbomap::decision x) { return x.value; }
+template <class S>
+Eigen::Matrix3d to_eigen(const turbomap::symmetric3<S>& A) {
+  Eigen::Matrix3d M;
+  M << number(A.xx), number(A.yx), number(A.zx), number(A.yx), number(A.yy), number(A.zy), number(A.zx), number(A.zy),
+      number(A.zz);
+  return M;
+}
 
 /// One view of a point.
 template <class Camera>
