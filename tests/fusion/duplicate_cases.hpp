@@ -18,31 +18,13 @@
 #include <doctest/doctest.h>
 
 #include "reference/projection_oracle.hpp"
+#include "reference/same_plans.hpp"
 #include "scenes/duplicate_scene.hpp"
 
 namespace turbomap_test {
 
 using sequential = std::decay_t<decltype(thrust::seq)>;
 using orb = turbomap::binary_descriptor<256>;
-
-template <class Distance>
-bool same(const turbomap::duplicate<Distance>& a, const turbomap::duplicate<Distance>& b) {
-  return a.target == b.target && a.camera == b.camera && a.point == b.point && a.keypoint == b.keypoint &&
-         std::memcmp(&a.distance, &b.distance, sizeof a.distance) == 0;
-}
-template <class Distance>
-bool same(const turbomap::duplicate_trial<Distance>& a, const turbomap::duplicate_trial<Distance>& b) {
-  return a.outcome == b.outcome && a.level == b.level && a.keypoint == b.keypoint &&
-         std::memcmp(&a.distance, &b.distance, sizeof a.distance) == 0;
-}
-/// Equal to the last bit (padding aside).
-template <class T>
-bool same(const std::vector<T>& a, const std::vector<T>& b) {
-  if (a.size() != b.size()) return false;
-  for (std::size_t i = 0; i < a.size(); ++i)
-    if (!same(a[i], b[i])) return false;
-  return true;
-}
 
 /// What a comparison with the oracle has seen, over many scenes.
 struct duplicate_tally {

@@ -28,6 +28,7 @@
 #include <turbomap/store/keyframe_store.hpp>
 
 #include "hostile.hpp"
+#include "reference/same_plans.hpp"
 #include "hostile_descriptors.hpp"
 #include "scenes/matching_scene.hpp"
 
@@ -132,18 +133,18 @@ class matching_problem {
     filter(filters, left);
     expect(search(turbomap::candidates::epipolar_ordered), "candidates do not decide what is refused");
     matches_.plan(ctx_, ordered);
-    expect(same(exhaustive, ordered), "the ordered search finds what the exhaustive one finds");
+    expect(turbomap_test::same(exhaustive, ordered), "the ordered search finds what the exhaustive one finds");
     if (c.flag()) {
       filter(filters, left_of_ordered);
-      expect(same(left, left_of_ordered), "filters leave the same of an ordered search");
+      expect(turbomap_test::same(left, left_of_ordered), "filters leave the same of an ordered search");
     }
     create(c);
     if (c.flag()) {
       std::reverse(exhaustive.begin(), exhaustive.end());  // in any order
       expect(give(exhaustive), "what was found may be given");
-      expect(same(ordered, matches_.plan(ctx_)), "what was given is there");
+      expect(turbomap_test::same(ordered, matches_.plan(ctx_)), "what was given is there");
       filter(filters, left_of_ordered);
-      expect(same(left, left_of_ordered), "filters leave the same of matches that were given");
+      expect(turbomap_test::same(left, left_of_ordered), "filters leave the same of matches that were given");
     }
     if (c.flag()) give_any(filters, c);
   }
@@ -211,12 +212,13 @@ class matching_problem {
       std::sort(given.begin(), given.end(), [](const auto& a, const auto& b) {
         return std::tie(a.neighbour, a.query) < std::tie(b.neighbour, b.query);
       });
-    expect(same(matches_.plan(ctx_), sound ? given : before), "what was given is there, and what was there else");
+    expect(turbomap_test::same(matches_.plan(ctx_), sound ? given : before),
+           "what was given is there, and what was there else");
     if (!sound) return;
     plan_type left;
     filter(filters, left);
     for (const auto& m : left)
-      expect(std::any_of(given.begin(), given.end(), [&m](const auto& g) { return same(g, m); }),
+      expect(std::any_of(given.begin(), given.end(), [&m](const auto& g) { return turbomap_test::same(g, m); }),
              "filters add nothing");
     create(c);
   }
@@ -239,15 +241,6 @@ class matching_problem {
       return c.flag() ? distance{-1} : std::numeric_limits<distance>::max();
     }
     return static_cast<distance>(kind);
-  }
-  static bool same(const typename plan_type::value_type& a, const typename plan_type::value_type& b) {
-    return a.neighbour == b.neighbour && a.query == b.query && a.candidate == b.candidate && a.distance == b.distance;
-  }
-  static bool same(const plan_type& a, const plan_type& b) {
-    if (a.size() != b.size()) return false;
-    for (std::size_t i = 0; i < a.size(); ++i)
-      if (!same(a[i], b[i])) return false;
-    return true;
   }
   /// \param left  what is left of the matches
   void filter(unsigned which, plan_type& left) {

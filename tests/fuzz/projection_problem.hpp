@@ -25,6 +25,7 @@
 #include "hostile_descriptors.hpp"
 #include "reference/appearance_oracle.hpp"
 #include "reference/projection_oracle.hpp"
+#include "reference/same_plans.hpp"
 #include "scenes/duplicate_scene.hpp"
 
 namespace turbomap_fuzz {
@@ -136,15 +137,6 @@ class projection_problem {
   using distance_type = typename Descriptor::distance_type;
   using trial_type = turbomap::projection_trial<distance_type>;
 
-  static bool same(const trial_type& a, const trial_type& b) {
-    return a.outcome == b.outcome && a.level == b.level && a.keypoint == b.keypoint &&
-           std::memcmp(&a.distance, &b.distance, sizeof a.distance) == 0;
-  }
-  static bool same(const turbomap::projection_match<distance_type>& a,
-                   const turbomap::projection_match<distance_type>& b) {
-    return a.target == b.target && a.camera == b.camera && a.point == b.point && a.keypoint == b.keypoint &&
-           std::memcmp(&a.distance, &b.distance, sizeof a.distance) == 0;
-  }
   /// Whether the oracle's answer is the same for a point a little beside. Lenses and poses as here may magnify a rounding
   /// error by any factor, which the oracle's own close calls do not know: they are made for lenses that exist. Its derivatives
   /// are numeric, and it asks no Cholesky factor: gates of points with a covariance are a little wider and narrower, too.
@@ -154,7 +146,7 @@ class projection_problem {
     const auto order = turbomap_test::keypoints_by_cell(target.view, camera);
     const auto holds = [&](const turbomap::projection_options& o) {
       const auto again = turbomap_test::oracle_projection(scene_.points(), p, target, camera, order, o);
-      return !again.doubtful && same(again.trial, expected);
+      return !again.doubtful && turbomap_test::same(again.trial, expected);
     };
     const auto& mount = target.view.cameras[camera].T_camera_body;
     auto& X = scene_.position[static_cast<std::size_t>(p)];
@@ -186,7 +178,7 @@ class projection_problem {
     for (const auto& target : targets)
       for (int camera = 0; camera < target.view.camera_count; ++camera)
         for (int p = 0; p < points.count; ++p, ++at)
-          if (!oracle[at].doubtful && !same(trials[at], oracle[at].trial))
+          if (!oracle[at].doubtful && !turbomap_test::same(trials[at], oracle[at].trial))
             expect(!is_firm(target, camera, p, options, oracle[at].trial), "trials are those of the oracle");
   }
   /// The plan has every trial that matched, and nothing else.
@@ -198,7 +190,8 @@ class projection_problem {
         for (int p = 0; p < scene_.points().count; ++p, ++trial) {
           const auto& a = trials[trial];
           if (a.outcome != turbomap::projection_outcome::matched) continue;
-          expect(found < plan.size() && same(plan[found], {static_cast<int>(t), camera, p, a.keypoint, a.distance}),
+          expect(found < plan.size() &&
+                     turbomap_test::same(plan[found], {static_cast<int>(t), camera, p, a.keypoint, a.distance}),
                  "what matches is in the plan");
           ++found;
         }
@@ -252,7 +245,7 @@ class projection_problem {
       turbomap::search_by_projection(ctx_, scene_.points(), span(targets), plain, found);
       const auto settled = found.trials(ctx_);
       for (std::size_t i = 0; i < trials.size(); ++i)
-        expect(same(settled[i], trials[i]), "a keypoint goes to the most similar point");
+        expect(turbomap_test::same(settled[i], trials[i]), "a keypoint goes to the most similar point");
     }
     expect_all(targets, trials, found.plan(ctx_));
     turbomap::search_by_projection(ctx_, scene_.points(), span(targets), o, found);

@@ -18,6 +18,7 @@
 #include <doctest/doctest.h>
 
 #include "reference/creation_oracle.hpp"
+#include "reference/same_plans.hpp"
 #include "reference/search_oracle.hpp"
 #include "scenes/matching_scene.hpp"
 
@@ -37,30 +38,6 @@ inline turbomap::search_options wide_gates() {
   turbomap::search_options o;
   o.max_distance = 256, o.line_chi2 = 60, o.epipole_radius = 2, o.reprojection_chi2 = 30, o.max_parallax_cosine = 1;
   return o;
-}
-
-template <class Distance>
-bool same(const turbomap::correspondence<Distance>& a, const turbomap::correspondence<Distance>& b) {
-  return a.neighbour == b.neighbour && a.query == b.query && a.candidate == b.candidate &&
-         std::memcmp(&a.distance, &b.distance, sizeof a.distance) == 0;
-}
-inline bool same(const turbomap::created_point& a, const turbomap::created_point& b) {
-  return a.neighbour == b.neighbour && a.query == b.query && a.candidate == b.candidate && a.outcome == b.outcome &&
-         a.method == b.method && std::memcmp(&a.position, &b.position, sizeof a.position) == 0;
-}
-inline bool same(const turbomap::created_track& a, const turbomap::created_track& b) {
-  if (a.outcome != b.outcome || a.method != b.method) return false;
-  if (a.outcome != turbomap::creation_outcome::accepted) return true;
-  return a.views == b.views && std::memcmp(&a.position, &b.position, sizeof a.position) == 0 &&
-         std::memcmp(&a.covariance, &b.covariance, sizeof a.covariance) == 0;
-}
-/// Equal to the last bit (padding aside).
-template <class T>
-bool same(const std::vector<T>& a, const std::vector<T>& b) {
-  if (a.size() != b.size()) return false;
-  for (std::size_t i = 0; i < a.size(); ++i)
-    if (!same(a[i], b[i])) return false;
-  return true;
 }
 
 /// What a comparison with an oracle has seen, over many scenes.

@@ -19,6 +19,8 @@
 #include <type_traits>
 #include <vector>
 
+#include "reference/same_plans.hpp"
+
 namespace turbomap::evaluation {
 
 /// Keyframes by number, in the order of insert().
@@ -64,10 +66,7 @@ class judged_search {
     search_correspondences(ctx_, mine, all, search, matches_);
     ordered_ms_ += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
     const auto plan = matches_.plan(ctx_);
-    const auto same = [](const auto& a, const auto& b) {
-      return a.neighbour == b.neighbour && a.query == b.query && a.candidate == b.candidate && a.distance == b.distance;
-    };
-    if (!std::equal(plan.begin(), plan.end(), exhaustive.begin(), exhaustive.end(), same)) ++ordered_differs_;
+    if (!turbomap_test::same(plan, exhaustive)) ++ordered_differs_;
     create_points(ctx_, matches_, creation, creation_);
     judge(matches_.view(), plan, creation_.plan(ctx_, matches_));
   }

@@ -18,6 +18,8 @@
 #include "recorded_scene.hpp"
 #include "true_matches.hpp"
 
+#include "reference/same_plans.hpp"
+
 namespace turbomap_replay {
 
 /// Search options with which the recorded system's matches come out.
@@ -64,12 +66,7 @@ class search_check {
     const plan exhaustive = search(query, neighbours, turbomap::candidates::exhaustive);
     const plan ordered = search(query, neighbours, turbomap::candidates::epipolar_ordered);
     exhaustive_pairs_ += exhaustive.size();
-    const bool equal = std::equal(ordered.begin(), ordered.end(), exhaustive.begin(), exhaustive.end(),
-                                  [](const auto& a, const auto& b) {
-                                    return a.neighbour == b.neighbour && a.query == b.query &&
-                                           a.candidate == b.candidate && a.distance == b.distance;
-                                  });
-    ordered_equals_exhaustive_ = ordered_equals_exhaustive_ && equal;
+    ordered_equals_exhaustive_ = ordered_equals_exhaustive_ && turbomap_test::same(ordered, exhaustive);
     std::map<std::array<std::int32_t, 2>, std::int32_t> distance;
     for (const auto& m : exhaustive) distance[{m.neighbour, m.query}] = m.distance;
     for (const auto& m : grouped) {

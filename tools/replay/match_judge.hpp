@@ -13,6 +13,8 @@
 #include <turbomap/io/recording.hpp>
 #include <turbomap/local_mapper.hpp>
 
+#include "reference/same_plans.hpp"
+
 namespace turbomap_replay {
 
 struct match_verdict {
@@ -50,12 +52,7 @@ class match_judge {
     verdict_.pairs += exhaustive.size();
     verdict_.grouped_pairs += grouped.size();
     verdict_.grouped_correct += count_correct(keyframes, grouped);
-    verdict_.ordered_equals_exhaustive = verdict_.ordered_equals_exhaustive &&
-                                         std::equal(ordered.begin(), ordered.end(), exhaustive.begin(),
-                                                    exhaustive.end(), [](const auto& a, const auto& b) {
-                                                      return a.neighbour == b.neighbour && a.query == b.query &&
-                                                             a.candidate == b.candidate && a.distance == b.distance;
-                                                    });
+    verdict_.ordered_equals_exhaustive = verdict_.ordered_equals_exhaustive && turbomap_test::same(ordered, exhaustive);
     for (const auto& g : grouped) {
       const auto at = std::lower_bound(exhaustive.begin(), exhaustive.end(), g, [](const auto& a, const auto& b) {
         return a.neighbour != b.neighbour ? a.neighbour < b.neighbour : a.query < b.query;
