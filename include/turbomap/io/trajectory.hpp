@@ -16,7 +16,7 @@
 #include "../config.hpp"
 #include "../error.hpp"
 #include "../types.hpp"
-#include "text_file.hpp"
+#include "text_reader.hpp"
 
 namespace turbomap {
 
@@ -80,44 +80,27 @@ inline bool is_trajectory_rotation(double norm) { return std::abs(norm - 1) < 1e
 /// bad_file naming file, line and reason: not eight finite numbers, a rotation that is none, times that do not rise, no
 /// pose at all.
 inline std::vector<stamped_pose> read_trajectory(const std::filesystem::path& file) {
-  const std::string text = detail::read_text_file(file);
+  detail::text_reader in(file);
   std::vector<stamped_pose> poses;
-  std::size_t line = 0;
-  const auto fail = [&](const std::string& reason) {
-    throw bad_file("turbomap: " + file.string() + ": line " + std::to_string(line) + ": " + reason);
-  };
-  const char *at = text.data(), *const text_end = at + text.size();
-  while (at != text_end) {
-    const char* end = at;
-    while (end != text_end && *end != '\n') ++end;
-    ++line;
-    const auto blank = [](char c) { return c == ' ' || c == '\t' || c == '\r'; };
-    const auto skip = [&] {
-      while (at != end && blank(*at)) ++at;
-    };
-    skip();
-    if (at != end && *at != '#') {
-      stamped_pose pose;
-      double v[7];
-      for (int i = 0; i < 8; ++i) {
-        const char* stop = at;
-        while (stop != end && !blank(*stop)) ++stop;
-        if (stop == at) fail("has " + std::to_string(i) + " numbers, not t x y z qx qy qz qw");
-        if (!(i == 0 ? detail::parse_seconds(at, stop, pose.t_ns) : detail::parse_number(at, stop, v[i - 1])))
-          fail("'" + std::string(at, stop) + "' is not a number");
-        at = stop;
-        skip();
-      }
-      if (at != end) fail("has more than eight numbers");
-      const double norm = std::sqrt(v[3] * v[3] + v[4] * v[4] + v[5] * v[5] + v[6] * v[6]);
-      if (!detail::is_trajectory_rotation(norm)) fail("does not end with a unit quaternion");
-      pose.T_wb = {v[3] / norm, v[4] / norm, v[5] / norm, v[6] / norm, v[0], v[1], v[2]};
-      if (!poses.empty() && pose.t_ns <= poses.back().t_ns) fail("is not later than the pose before");
-      poses.push_back(pose);
+  do {
+    if (in.line_ends() || in.peek() == '#') continue;
+    stamped_pose pose;
+    double v[7];
+    for (int i = 0; i < 8; ++i) {
+      if (in.line_ends()) in.fail("has " + std::to_string(i) + " numbers, not t x y z qx qy qz qw");
+      const std::string word = in.take_word("number");
+      const char *begin = word.data(), *end = begin + word.size();
+      if (!(i == 0 ? detail::parse_seconds(begin, end, pose.t_ns) : detail::parse_number(begin, end, v[i - 1])))
+        in.fail("'" + word + "' is not a number");
     }
-    at = end == text_end ? end : end + 1;
-  }
-  if (poses.empty()) fail("there is no pose in the file");
+    if (!in.line_ends()) in.fail("has more than eight numbers");
+    const double norm = std::sqrt(v[3] * v[3] + v[4] * v[4] + v[5] * v[5] + v[6] * v[6]);
+    if (!detail::is_trajectory_rotation(norm)) in.fail("does not end with a unit quaternion");
+    pose.T_wb = {v[3] / norm, v[4] / norm, v[5] / norm, v[6] / norm, v[0], v[1], v[2]};
+    if (!poses.empty() && pose.t_ns <= poses.back().t_ns) in.fail("is not later than the pose before");
+    poses.push_back(pose);
+  } while (in.next_line());
+  if (poses.empty()) in.fail("there is no pose in the file");
   return poses;
 }
 
