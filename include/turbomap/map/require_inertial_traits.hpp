@@ -13,42 +13,25 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+#define TURBOMAP_NEEDS(member, signature)                         \
+  static_assert(detail::inertial_fit<Map, detail::member>::value, \
+                "turbomap: inertial_traits needs `" signature "`; see docs/inertial.md")
 /// Explains in words what is wrong with inertial_traits<Map>: `static_assert(require_inertial_traits<Map>());`.
 template <class Map>
 constexpr bool require_inertial_traits() {
   constexpr bool specialised = !detail::inertial_has_v<Map, detail::not_specialised_member>;  // one thing at a time
   static_assert(specialised, "turbomap: specialise turbomap::inertial_traits for your map type; see docs/inertial.md");
   if constexpr (specialised) {
-    static_assert(detail::inertial_fit<Map, detail::inertial_initialised>::value,
-                  "turbomap: inertial_traits needs `static bool initialised(const Map&)`; see docs/inertial.md");
-    static_assert(detail::inertial_fit<Map, detail::inertial_gravity>::value,
-                  "turbomap: inertial_traits needs `static vec3<double> gravity(const Map&)`; see docs/inertial.md");
-    static_assert(
-        detail::inertial_fit<Map, detail::inertial_T_bc>::value,
-        "turbomap: inertial_traits needs `static rigid_transform<double> T_bc(const Map&)`; see docs/inertial.md");
-    static_assert(
-        detail::inertial_fit<Map, detail::inertial_velocity>::value,
-        "turbomap: inertial_traits needs `static vec3<double> velocity(const Map&, keyframe)`; see docs/inertial.md");
-    static_assert(
-        detail::inertial_fit<Map, detail::inertial_bias>::value,
-        "turbomap: inertial_traits needs `static imu_bias<double> bias(const Map&, keyframe)`; see docs/inertial.md");
-    static_assert(
-        detail::inertial_fit<Map, detail::inertial_motion>::value,
-        "turbomap: inertial_traits needs `static bool motion(const Map&, keyframe, preintegration<double>&)`; "
-        "see docs/inertial.md");
-    static_assert(
-        detail::inertial_fit<Map, detail::inertial_set_velocity>::value,
-        "turbomap: inertial_traits needs `static void set_velocity(Map&, keyframe, const vec3<double>&)`; see "
-        "docs/inertial.md");
-    static_assert(
-        detail::inertial_fit<Map, detail::inertial_set_bias>::value,
-        "turbomap: inertial_traits needs `static void set_bias(Map&, keyframe, const imu_bias<double>&)`; see "
-        "docs/inertial.md");
-    static_assert(detail::inertial_fit<Map, detail::inertial_set_motion>::value,
-                  "turbomap: inertial_traits needs `static void set_motion(Map&, keyframe, const "
-                  "preintegration<double>&)`; see docs/inertial.md");
-    static_assert(detail::inertial_fit<Map, detail::inertial_clear_motion>::value,
-                  "turbomap: inertial_traits needs `static void clear_motion(Map&, keyframe)`; see docs/inertial.md");
+    TURBOMAP_NEEDS(inertial_initialised, "static bool initialised(const Map&)");
+    TURBOMAP_NEEDS(inertial_gravity, "static vec3<double> gravity(const Map&)");
+    TURBOMAP_NEEDS(inertial_T_bc, "static rigid_transform<double> T_bc(const Map&)");
+    TURBOMAP_NEEDS(inertial_velocity, "static vec3<double> velocity(const Map&, keyframe)");
+    TURBOMAP_NEEDS(inertial_bias, "static imu_bias<double> bias(const Map&, keyframe)");
+    TURBOMAP_NEEDS(inertial_motion, "static bool motion(const Map&, keyframe, preintegration<double>&)");
+    TURBOMAP_NEEDS(inertial_set_velocity, "static void set_velocity(Map&, keyframe, const vec3<double>&)");
+    TURBOMAP_NEEDS(inertial_set_bias, "static void set_bias(Map&, keyframe, const imu_bias<double>&)");
+    TURBOMAP_NEEDS(inertial_set_motion, "static void set_motion(Map&, keyframe, const preintegration<double>&)");
+    TURBOMAP_NEEDS(inertial_clear_motion, "static void clear_motion(Map&, keyframe)");
     static_assert(detail::inertial_usable_or_absent_v<Map, detail::inertial_refined_member, detail::named_refined>,
                   "turbomap: inertial_traits::refined must be `static bool refined(const Map&)`; see docs/inertial.md");
     static_assert(detail::inertial_usable_or_absent_v<Map, detail::inertial_join_member, detail::named_join_samples>,
@@ -66,5 +49,7 @@ constexpr bool require_inertial_traits() {
   static_assert(temporal, "turbomap: a map with an IMU needs map_traits with time, previous and next; see docs/map.md");
   return true;  // an error has been said
 }
+
+#undef TURBOMAP_NEEDS
 
 TURBOMAP_END_NAMESPACE

@@ -146,6 +146,9 @@ using named_keyframe_t = typename named_keyframe<Map>::type;
 
 }  // namespace detail
 
+#define TURBOMAP_NEEDS(member, signature)                                                                   \
+  static_assert(detail::fit<Map, detail::member>::value, "turbomap: map_traits needs `" signature "`; see " \
+                                                                                                  "docs/map.md")
 /// Explains in words what is wrong with map_traits<Map>: `static_assert(require_map_traits<Map>());`.
 template <class Map>
 constexpr bool require_map_traits() {
@@ -165,59 +168,31 @@ constexpr bool require_map_traits() {
         "turbomap: map_traits::descriptor must have `element` and `elements`, e.g. binary_descriptor<256>; see "
         "docs/map.md");
     if constexpr (described) {
-      static_assert(detail::fit<Map, detail::needed_id_of_keyframe>::value,
-                    "turbomap: map_traits needs `static std::uint64_t id(const Map&, keyframe)`; see docs/map.md");
-      static_assert(detail::fit<Map, detail::needed_alive_of_keyframe>::value,
-                    "turbomap: map_traits needs `static bool alive(const Map&, keyframe)`; see docs/map.md");
-      static_assert(
-          detail::fit<Map, detail::needed_pose>::value,
-          "turbomap: map_traits needs `static rigid_transform<double> pose(const Map&, keyframe)`; see docs/map.md");
-      static_assert(
-          detail::fit<Map, detail::needed_point_at>::value,
-          "turbomap: map_traits needs `static point point_at(const Map&, keyframe, std::size_t)`; see docs/map.md");
-      static_assert(detail::fit<Map, detail::needed_id_of_point>::value,
-                    "turbomap: map_traits needs `static std::uint64_t id(const Map&, point)`; see docs/map.md");
-      static_assert(detail::fit<Map, detail::needed_alive_of_point>::value,
-                    "turbomap: map_traits needs `static bool alive(const Map&, point)`; see docs/map.md");
-      static_assert(detail::fit<Map, detail::needed_replacement>::value,
-                    "turbomap: map_traits needs `static point replacement(const Map&, point)`; see docs/map.md");
-      static_assert(detail::fit<Map, detail::needed_position>::value,
-                    "turbomap: map_traits needs `static vec3<double> position(const Map&, point)`; see docs/map.md");
-      static_assert(detail::fit<Map, detail::needed_normal>::value,
-                    "turbomap: map_traits needs `static vec3<float> normal(const Map&, point)`; see docs/map.md");
-      static_assert(detail::fit<Map, detail::needed_min_distance>::value,
-                    "turbomap: map_traits needs `static float min_distance(const Map&, point)`; see docs/map.md");
-      static_assert(detail::fit<Map, detail::needed_max_distance>::value,
-                    "turbomap: map_traits needs `static float max_distance(const Map&, point)`; see docs/map.md");
-      static_assert(detail::fit<Map, detail::needed_descriptor_data>::value,
-                    "turbomap: map_traits needs `static const descriptor::element* descriptor_data(const Map&, "
-                    "point)`; see docs/map.md");
-      static_assert(detail::fit<Map, detail::needed_reference>::value,
-                    "turbomap: map_traits needs `static keyframe reference(const Map&, point)`; see docs/map.md");
-      static_assert(detail::fit<Map, detail::needed_for_each_observation>::value,
-                    "turbomap: map_traits needs `template <class F> static void for_each_observation(const Map&, "
-                    "point, F)`; see docs/map.md");
-      static_assert(
-          detail::fit<Map, detail::needed_add_point>::value,
-          "turbomap: map_traits needs `static point add_point(Map&, const vec3<double>&, keyframe)`; see docs/map.md");
-      static_assert(detail::fit<Map, detail::needed_set_appearance>::value,
-                    "turbomap: map_traits needs `static void set_appearance(Map&, point, const vec3<float>& normal, "
-                    "float, float, const descriptor::element*)`; see docs/map.md");
-      static_assert(detail::fit<Map, detail::needed_set_reference>::value,
-                    "turbomap: map_traits needs `static void set_reference(Map&, point, keyframe)`; see docs/map.md");
-      static_assert(
-          detail::fit<Map, detail::needed_set_point>::value,
-          "turbomap: map_traits needs `static void set_point(Map&, keyframe, std::size_t, point)`; see docs/map.md");
-      static_assert(detail::fit<Map, detail::needed_add_observation>::value,
-                    "turbomap: map_traits needs `static void add_observation(Map&, point, keyframe, std::size_t)`; see "
-                    "docs/map.md");
-      static_assert(detail::fit<Map, detail::needed_erase_observation>::value,
-                    "turbomap: map_traits needs `static void erase_observation(Map&, point, keyframe, std::size_t)`; "
-                    "see docs/map.md");
-      static_assert(detail::fit<Map, detail::needed_retire>::value,
-                    "turbomap: map_traits needs `static void retire(Map&, point, point replacement)`; see docs/map.md");
-      static_assert(detail::fit<Map, detail::needed_erase_keyframe>::value,
-                    "turbomap: map_traits needs `static void erase_keyframe(Map&, keyframe)`; see docs/map.md");
+      TURBOMAP_NEEDS(needed_id_of_keyframe, "static std::uint64_t id(const Map&, keyframe)");
+      TURBOMAP_NEEDS(needed_alive_of_keyframe, "static bool alive(const Map&, keyframe)");
+      TURBOMAP_NEEDS(needed_pose, "static rigid_transform<double> pose(const Map&, keyframe)");
+      TURBOMAP_NEEDS(needed_point_at, "static point point_at(const Map&, keyframe, std::size_t)");
+      TURBOMAP_NEEDS(needed_id_of_point, "static std::uint64_t id(const Map&, point)");
+      TURBOMAP_NEEDS(needed_alive_of_point, "static bool alive(const Map&, point)");
+      TURBOMAP_NEEDS(needed_replacement, "static point replacement(const Map&, point)");
+      TURBOMAP_NEEDS(needed_position, "static vec3<double> position(const Map&, point)");
+      TURBOMAP_NEEDS(needed_normal, "static vec3<float> normal(const Map&, point)");
+      TURBOMAP_NEEDS(needed_min_distance, "static float min_distance(const Map&, point)");
+      TURBOMAP_NEEDS(needed_max_distance, "static float max_distance(const Map&, point)");
+      TURBOMAP_NEEDS(needed_descriptor_data, "static const descriptor::element* descriptor_data(const Map&, point)");
+      TURBOMAP_NEEDS(needed_reference, "static keyframe reference(const Map&, point)");
+      TURBOMAP_NEEDS(needed_for_each_observation,
+                     "template <class F> static void for_each_observation(const Map&, point, F)");
+      TURBOMAP_NEEDS(needed_add_point, "static point add_point(Map&, const vec3<double>&, keyframe)");
+      TURBOMAP_NEEDS(needed_set_appearance,
+                     "static void set_appearance(Map&, point, const vec3<float>& normal, float, float, const "
+                     "descriptor::element*)");
+      TURBOMAP_NEEDS(needed_set_reference, "static void set_reference(Map&, point, keyframe)");
+      TURBOMAP_NEEDS(needed_set_point, "static void set_point(Map&, keyframe, std::size_t, point)");
+      TURBOMAP_NEEDS(needed_add_observation, "static void add_observation(Map&, point, keyframe, std::size_t)");
+      TURBOMAP_NEEDS(needed_erase_observation, "static void erase_observation(Map&, point, keyframe, std::size_t)");
+      TURBOMAP_NEEDS(needed_retire, "static void retire(Map&, point, point replacement)");
+      TURBOMAP_NEEDS(needed_erase_keyframe, "static void erase_keyframe(Map&, keyframe)");
       using described_keyframe = typename detail::pointee<detail::keyframe_of<map_traits<Map>>>::type;
       if constexpr (!detail::map_has_v<Map, detail::map_keypoint_member> &&
                     detail::has_keyframe_specialisation_v<described_keyframe>)
@@ -233,5 +208,7 @@ constexpr bool require_map_traits() {
   }
   return true;  // an error has been said
 }
+
+#undef TURBOMAP_NEEDS
 
 TURBOMAP_END_NAMESPACE
