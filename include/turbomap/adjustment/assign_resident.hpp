@@ -122,17 +122,7 @@ resident_assignment assign_resident(context<Policy>& ctx, Data& data, structure_
   adjustment_structure& s = data.structure;
   builder.build_frames(in, s);
   const std::size_t rows = group.frame.size(), n = frames.states.size(), m = landmarks.positions.size();
-  observation_input input{static_cast<int>(rows),
-                          s.frames,
-                          s.free_frames,
-                          s.landmarks,
-                          in.landmark_groups[0].kinds,
-                          nullptr,
-                          nullptr,
-                          nullptr,
-                          nullptr,
-                          nullptr,
-                          nullptr};
+  observation_input input{static_cast<int>(rows), s.frames, s.free_frames, s.landmarks, in.landmark_groups[0].kinds};
   if (!can_order_observations(policy, input)) return {false, true};
   data.hold(frames.held);
   data.order.keep(input.landmarks);

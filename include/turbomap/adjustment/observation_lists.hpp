@@ -14,17 +14,17 @@ TURBOMAP_BEGIN_NAMESPACE
 
 /// What the lists are made of, where the policy computes.
 struct observation_input {
-  int rows;                          ///< observations
-  int frames;                        ///< all, fixed ones included
-  int free_frames;                   ///< frames that move
-  int landmarks;                     ///< all, fixed ones included
-  int kinds;                         ///< see landmark_group_input
-  const std::int32_t* key_of_frame;  ///< [frame] see structure_builder::keys()
-  const std::int32_t* frame_of_key;  ///< [frame] the inverse
-  const std::int32_t* frame;         ///< [row] frame that sees
-  const std::int32_t* landmark;      ///< [row] landmark that is seen
-  const std::uint8_t* kind;          ///< [row] below `kinds`
-  const std::uint8_t* fixed;         ///< [landmark] null: none
+  int rows;                                    ///< observations
+  int frames;                                  ///< all, fixed ones included
+  int free_frames;                             ///< frames that move
+  int landmarks;                               ///< all, fixed ones included
+  int kinds;                                   ///< see landmark_group_input
+  const std::int32_t* key_of_frame = nullptr;  ///< [frame] see structure_builder::keys()
+  const std::int32_t* frame_of_key = nullptr;  ///< [frame] the inverse
+  const std::int32_t* frame = nullptr;         ///< [row] frame that sees
+  const std::int32_t* landmark = nullptr;      ///< [row] landmark that is seen
+  const std::uint8_t* kind = nullptr;          ///< [row] below `kinds`
+  const std::uint8_t* fixed = nullptr;         ///< [landmark] null: none
 
   /// Frames and kinds: the rows of each have chunks of their own.
   int bins() const { return frames * kinds; }

@@ -73,16 +73,15 @@ using inertial_initialise_member = std::void_t<decltype(T::set_gravity(write_map
 struct optional_inertial_names {
   int refined, join_samples, bias_changed, set_gravity, set_initialised;
 };
-template <class M, class T>
-using named_refined = decltype(&T::refined);
-template <class M, class T>
-using named_join_samples = decltype(&T::join_samples);
-template <class M, class T>
-using named_bias_changed = decltype(&T::bias_changed);
-template <class M, class T>
-using named_set_gravity = decltype(&T::set_gravity);
-template <class M, class T>
-using named_set_initialised = decltype(&T::set_initialised);
+#define TURBOMAP_NAME(member) \
+  template <class M, class T> \
+  using named_##member = decltype(&T::member)
+TURBOMAP_NAME(refined);
+TURBOMAP_NAME(join_samples);
+TURBOMAP_NAME(bias_changed);
+TURBOMAP_NAME(set_gravity);
+TURBOMAP_NAME(set_initialised);
+#undef TURBOMAP_NAME
 
 template <class Map, template <class, class> class Member>
 inline constexpr bool inertial_has_v = has_member<Member, Map, inertial_traits<Map>>::value;

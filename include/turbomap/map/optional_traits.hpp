@@ -24,57 +24,38 @@ struct optional_names {
       set_covariance, set_position, set_pose, time, previous, next, created, merged, erased, for_each_keyframe,
       for_each_point, keypoint_count, keypoint, index, mirrored, prefetch;
 };
-template <class M, class T>
-using named_may_erase = decltype(&T::may_erase);
-template <class M, class T>
-using named_is_origin = decltype(&T::is_origin);
-template <class M, class T>
-using named_found_ratio = decltype(&T::found_ratio);
-template <class M, class T>
-using named_reserve_observations = decltype(&T::reserve_observations);
-template <class M, class T>
-using named_octave_counts = decltype(&T::octave_counts);
-template <class M, class T>
-using named_change_octave_count = decltype(&T::change_octave_count);
-template <class M, class T>
-using named_covariance = decltype(&T::covariance);
-template <class M, class T>
-using named_set_covariance = decltype(&T::set_covariance);
-template <class M, class T>
-using named_set_position = decltype(&T::set_position);
-template <class M, class T>
-using named_set_pose = decltype(&T::set_pose);
-template <class M, class T>
-using named_time = decltype(&T::time);
-template <class M, class T>
-using named_previous = decltype(&T::previous);
-template <class M, class T>
-using named_next = decltype(&T::next);
-template <class M, class T>
-using named_created = decltype(&T::created);
-template <class M, class T>
-using named_merged = decltype(&T::merged);
-template <class M, class T>
-using named_erased = decltype(&T::erased);
-template <class M, class T>
-using named_for_each_keyframe = decltype(&T::for_each_keyframe);
-template <class M, class T>
-using named_for_each_point = decltype(&T::for_each_point);
+#define TURBOMAP_NAME(member) \
+  template <class M, class T> \
+  using named_##member = decltype(&T::member)
+TURBOMAP_NAME(may_erase);
+TURBOMAP_NAME(is_origin);
+TURBOMAP_NAME(found_ratio);
+TURBOMAP_NAME(reserve_observations);
+TURBOMAP_NAME(octave_counts);
+TURBOMAP_NAME(change_octave_count);
+TURBOMAP_NAME(covariance);
+TURBOMAP_NAME(set_covariance);
+TURBOMAP_NAME(set_position);
+TURBOMAP_NAME(set_pose);
+TURBOMAP_NAME(time);
+TURBOMAP_NAME(previous);
+TURBOMAP_NAME(next);
+TURBOMAP_NAME(created);
+TURBOMAP_NAME(merged);
+TURBOMAP_NAME(erased);
+TURBOMAP_NAME(for_each_keyframe);
+TURBOMAP_NAME(for_each_point);
 
-template <class M, class T>
-using named_keypoint_count = decltype(&T::keypoint_count);
-template <class M, class T>
-using named_keypoint = decltype(&T::keypoint);
+TURBOMAP_NAME(keypoint_count);
+TURBOMAP_NAME(keypoint);
 template <class M, class T>
 using type_keypoint = typename T::keypoint;
-template <class M, class T>
-using named_index = decltype(&T::index);
+TURBOMAP_NAME(index);
 template <class M, class T>
 using type_index = typename T::index;
-template <class M, class T>
-using named_prefetch = decltype(&T::prefetch);
-template <class M, class T>
-using named_mirrored = decltype(&T::mirrored);
+TURBOMAP_NAME(prefetch);
+TURBOMAP_NAME(mirrored);
+#undef TURBOMAP_NAME
 
 // Functions whose names are taken for those of optional members.
 template <class M, class T>
