@@ -74,8 +74,7 @@ class local_mapper {
         adjustment_(ctx),
         due_(ctx) {
     static_assert(require_map_traits<Map>());
-    check(options);
-    check_same_pyramid("store.options().packing.pyramid", store.options().packing.pyramid, options.search.scales);
+    check_options();
   }
 
   /// Another store than the map's: says so.
@@ -136,9 +135,11 @@ class local_mapper {
   /// One iteration on a keyframe that is inserted, in the map, and holds its associations. Keyframes, points and observations
   /// that cannot be used (map_fault) are passed over, and listed in report().refused; options.strict makes them an exception.
   /// An exception ends the iteration between two commits: the map is sound, the stages before are done, nothing is pinned.
-  /// \throws std::invalid_argument  the keyframe is not in the map or not inserted, or this is a hook: nothing is done
+  /// \throws std::invalid_argument  the keyframe is not in the map or not inserted, an option that was changed makes no sense, or this
+  ///         is a hook: nothing is done
   const mapping_report& process(keyframe current) {
     require_idle("process");
+    check_options();
     const named_range range("keyframe");
     report_ = {};
     has_pose_ = false;
@@ -177,6 +178,7 @@ class local_mapper {
     options.scales = options_.adjustment.scales;
     static_assert(adjusts, "turbomap: this local_mapper compiles no solver (no_adjustment)");
     require_idle("adjust_globally");
+    check_options();
     const in_progress adjusting(*this);
     const scope s = scope_of(mapping_stage::adjustment);
     stage_keyframe k;
@@ -204,6 +206,7 @@ class local_mapper {
   /// \throws std::invalid_argument  as process()
   fusion_summary fuse_around(const keyframe& k) {
     require_idle("fuse_around");
+    check_options();
     const in_progress fusing(*this);
     const scope s = scope_of(mapping_stage::fusion);
     stage_keyframe current;
@@ -241,7 +244,7 @@ class local_mapper {
 
   /// Of the last process().
   const mapping_report& report() const { return report_; }
-  /// May be changed between two keyframes.
+  /// May be changed between two keyframes; they are checked as in the constructor when they are used next.
   local_mapper_options& options() { return options_; }
   /// Keyframes that were processed.
   std::int64_t iterations() const { return iteration_; }
@@ -273,6 +276,11 @@ class local_mapper {
   static constexpr bool adjusts = !std::is_same_v<Adjustment, no_adjustment>;
   static constexpr bool inertial = detail::is_inertial<Adjustment>::value;
 
+  void check_options() const {
+    check(options_);
+    check_same_pyramid("store.options().packing.pyramid", stored_.store().options().packing.pyramid,
+                       options_.search.scales);
+  }
   void require_idle(const char* call) const {
     require(!processing_, call, "in a hook", "must wait until the call that runs has ended");
   }

@@ -154,7 +154,8 @@ class any_camera {
     return *reinterpret_cast<const model<I>*>(bytes_);
   }
 
-  alignas(Cameras...) unsigned char bytes_[std::max({sizeof(Cameras)...})];
+  // What the model leaves is 0: equal cameras are recognised by their bytes.
+  alignas(Cameras...) unsigned char bytes_[std::max({sizeof(Cameras)...})] = {};
   int index_;
 };
 

@@ -45,7 +45,7 @@ class window_measurements {
         rigs_(ctx.staging_resource()) {}
 
   /// Waits for the end. \param scales  information of a keypoint: scale_factor^(-2 octave) px^-2
-  /// \throws std::invalid_argument  a keypoint that the keyframe in the store does not have; more than 256 cameras
+  /// \throws std::invalid_argument  a keypoint that the keyframe in the store does not have; more than 127 cameras
   void gather(const mapping_scope<Map, Policy>& s, const adjustment_window<Map>& window, const pyramid& scales) {
     const std::size_t rows = window.row_count();
     pixel_.resize_discard(rows), information_.resize_discard(rows), camera_.resize_discard(rows);
@@ -176,8 +176,8 @@ class window_measurements {
       if (first != cameras_.size()) continue;
       starts_.push_back({first, count});
       cameras_.append(mine, count);
-      require(cameras_.size() <= 256, "cameras of the keyframes", cameras_.size(),
-              "must be 256 or fewer in one adjustment");
+      require(cameras_.size() <= 127, "cameras of the keyframes", cameras_.size(),
+              "must be 127 or fewer in one adjustment; those of equal bytes count once");
     }
   }
   /// The resolution does not matter here: it may be measured anew for a larger image.

@@ -123,7 +123,7 @@ class simple_map {
     require(keypoint < slots.size(), "keypoint", keypoint, "is not a keypoint of the keyframe");
     return slots[keypoint];
   }
-  /// The current handle of a keyframe by its index, e.g. of an observation.
+  /// The current handle of a keyframe by its index, that of an observation (not checked).
   map_keyframe_id keyframe_at(std::int32_t index) const { return {index, keyframe_places_.generation(index)}; }
 
   /// What tracking reports: the point was expected in an image, and found in it.
