@@ -90,7 +90,7 @@ TEST_CASE("any grid, and none") {
   }
 }
 
-TEST_CASE("quaternions that are not quite of unit length are used as they are") {
+TEST_CASE("quaternions that are not quite of unit length are scaled to it") {
   duplicate_recipe recipe = seeded(130);
   recipe.off_unit = 9e-4, recipe.origin = 20;
   check_duplicate_tally(check_scenes(sequential{}, pinhole_rig(50), recipe), 5);

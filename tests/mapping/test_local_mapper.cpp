@@ -976,11 +976,19 @@ TEST_CASE("after being behind, so many keyframes are culled at once, and the oth
   for (const std::size_t n : few) CHECK(n <= 2);
 }
 
-TEST_CASE("bad options are refused when the mapper is made") {
-  const auto refuses = [](auto change) {
+TEST_CASE("bad options are refused when the mapper is made, and when they are changed") {
+  stereo_run<> r;
+  r.run.steps(2);
+  const auto newest = r.run.track();
+  const auto good = r.run.mapper.options();
+  const auto refuses = [&](auto change) {
     auto options = stereo_case().options;
     change(options);
     CHECK_THROWS_AS(stereo_run<>{options}, std::invalid_argument);
+    change(r.run.mapper.options());
+    CHECK_THROWS_AS(r.run.mapper.process(newest), std::invalid_argument);
+    CHECK_THROWS_AS(r.run.mapper.fuse_around(newest), std::invalid_argument);
+    r.run.mapper.options() = good;
   };
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   refuses([](auto& o) { o.deadline_ms = -1; });
@@ -998,6 +1006,9 @@ TEST_CASE("bad options are refused when the mapper is made") {
   refuses([](auto& o) { o.fusion.search.scales.scale_factor = 1.5F; });
   refuses([](auto& o) { o.adjustment.scales.scale_factor = 1.5F; });
   refuses([](auto& o) { o.set_scales({1.5F, 4}); });  // the store has another pyramid
+  CHECK(r.run.mapper.process(newest).outcome[mapping_stage::creation] == stage_outcome::done);
+  CHECK(r.run.mapper.iterations() == 3);
+  CHECK(r.sound());
 }
 
 TEST_CASE("keyframes of the map that are not in the store are left out") {

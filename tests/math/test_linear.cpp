@@ -88,3 +88,25 @@ TEST_CASE("a float transform is used in strict double as stored") {
   CHECK(t.R(1, 0).value == doctest::Approx(2 * 0.6 * 0.8).epsilon(1e-6));
   CHECK(t.R(0, 1).value == -t.R(1, 0).value);
 }
+
+TEST_CASE("a quaternion that is off by more than rounding is scaled to unit length, others are taken as they are") {
+  turbomap::rigid_transform<double> T{0.1, -0.3, 0.2, 0, 50, -1000, 20};
+  T.qw = std::sqrt(1 - 0.14);
+  const auto scaled = [&](double by) {
+    auto S = T;
+    S.qx *= by, S.qy *= by, S.qz *= by, S.qw *= by;
+    return S;
+  };
+  const auto exact = turbomap::to_isometry<double>(T);
+  for (const double by : {1 + 4e-4, 1 - 4e-4, 1 + 1e-6}) {
+    const auto E = turbomap::to_isometry<double>(scaled(by));
+    for (int i = 0; i < 9; ++i) CHECK(std::abs(E.R.m[i] - exact.R.m[i]) < 1e-15);
+    CHECK(turbomap::norm(turbomap::camera_centre(E) - turbomap::camera_centre(exact)) < 1e-11);
+  }
+  const auto rounded = turbomap::cast<double>(turbomap::cast<float>(scaled(1 + 1e-7)));
+  const auto as_it_is = turbomap::rotation(rounded), used = turbomap::to_isometry<double>(rounded).R;
+  for (int i = 0; i < 9; ++i) CHECK(used.m[i] == as_it_is.m[i]);
+  CHECK(used.m[0] != exact.R.m[0]);
+  const auto none = turbomap::to_isometry<double>(scaled(0));
+  for (int i = 0; i < 9; ++i) CHECK(none.R.m[i] == (i % 4 == 0 ? 1 : 0));
+}

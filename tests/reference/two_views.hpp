@@ -46,9 +46,11 @@ struct oracle_pose {
   Eigen::Matrix<double, 3, 4> matrix() const { return (Eigen::Matrix<double, 3, 4>() << R, t).finished(); }
 };
 
-/// The quaternion as stored, like the recorded peer.
+/// The quaternion as stored, like the recorded peer, but for one that is no rotation's by more than rounding.
 inline oracle_pose to_oracle_pose(const turbomap::rigid_transform<double>& T) {
-  return {Eigen::Quaterniond(T.qw, T.qx, T.qy, T.qz).toRotationMatrix(), {T.tx, T.ty, T.tz}};
+  Eigen::Quaterniond q(T.qw, T.qx, T.qy, T.qz);
+  if (std::abs(q.squaredNorm() - 1) > 1e-6) q.normalize();
+  return {q.toRotationMatrix(), {T.tx, T.ty, T.tz}};
 }
 
 /// World to camera `k` of a keyframe's rig.

@@ -145,10 +145,18 @@ struct isometry {
   mat3<S> R;  ///< rotation matrix
   vec3<S> t;  ///< translation, m
 };
-/// Matrix and vector of a transform, computed in S. A quaternion that is not of unit length is not normalised.
+/// Matrix and vector of a transform, computed in S. A quaternion whose length is off by more than numbers of type float round to is
+/// scaled to unit length: what is no rotation has another inverse than its transpose, so a camera's centre would be off by as much
+/// of its distance from the origin. Others are taken as they are.
 template <class S, class T>
 TURBOMAP_HD isometry<S> to_isometry(const rigid_transform<T>& T_ab) {
-  const auto q = cast<S>(T_ab);
+  using std::sqrt;
+  auto q = cast<S>(T_ab);
+  const S n2 = q.qx * q.qx + q.qy * q.qy + q.qz * q.qz + q.qw * q.qw, off = n2 - S(1), rounding(1e-6);
+  if (n2 > S(0) && (off > rounding || off < S(0) - rounding)) {
+    const S s = S(1) / sqrt(n2);
+    q.qx = q.qx * s, q.qy = q.qy * s, q.qz = q.qz * s, q.qw = q.qw * s;
+  }
   return {rotation(q), translation(q)};
 }
 /// Converts element by element.
