@@ -102,7 +102,7 @@ inline void print_beside(const std::vector<nlohmann::json>& replays) {
     std::printf("%-16s", stage);
     for (const auto& replay : replays) {
       const auto& mean = replay["stages"][stage]["ms_mean"];
-      std::printf(" %10.3f", mean.is_null() ? std::nan("") : mean.get<double>());
+      mean.is_null() ? std::printf(" %10s", "-") : std::printf(" %10.3f", mean.get<double>());
     }
     std::printf("\n");
   }
