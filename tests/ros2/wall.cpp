@@ -3,7 +3,8 @@
 
 /// \file
 /// Plays a camera and an odometry to the node of examples/ros2, which is compiled against stand-ins of the headers of ROS 2: the camera
-/// moves sideways along a painted wall, 4 m away. The points that the node publishes must lie on the wall.
+/// moves sideways along a painted wall, 4 m away. The points that the node publishes must lie on the wall, whether a pose comes before its
+/// image or after it, as that of an odometry that computes it from the image.
 
 #include <chrono>
 #include <cmath>
@@ -47,16 +48,36 @@ void rclcpp::spin(const std::shared_ptr<Node>&) {
   info.width = 640, info.height = 480, info.distortion_model = "plumb_bob", info.d.assign(5, 0);
   info.k = {400, 0, 320, 0, 400, 240, 0, 0, 1};
   deliver("camera_info", info);
-  bool in_time = true;
-  for (std::size_t n = 0; n < 8; ++n) {
-    const std_msgs::msg::Header header{{static_cast<std::int32_t>(n), 0}, "odometry"};
-    geometry_msgs::msg::PoseStamped pose{header, {}};
-    pose.pose.position.x = 0.25 * static_cast<double>(n);
+  const auto send_pose = [](std::int32_t n) {
+    geometry_msgs::msg::PoseStamped pose{{{n, 0}, "odometry"}, {}};
+    pose.pose.position.x = 0.25 * n;
     deliver("pose", pose);
-    const cv::Mat seen = wall(cv::Rect(static_cast<int>(25 * n), 0, 640, 480)).clone();
-    deliver("image", sensor_msgs::msg::Image{header, 480, 640, "mono8", 640, {seen.data, seen.data + 640 * 480}});
+  };
+  const auto send_image = [&](std::int32_t n, std::uint32_t nanoseconds = 0) {
+    const cv::Mat seen = wall(cv::Rect(25 * n, 0, 640, 480)).clone();
+    deliver("image", sensor_msgs::msg::Image{
+                         {{n, nanoseconds}, "camera"}, 480, 640, "mono8", 640, {seen.data, seen.data + 640 * 480}});
+  };
+  const auto mapped = [&](std::size_t images) {
     std::unique_lock<std::mutex> held(mutex);
-    in_time = in_time && published.wait_for(held, std::chrono::seconds(60), [&] { return paths == n + 1; });
+    return published.wait_for(held, std::chrono::seconds(60), [&] { return paths == images; });
+  };
+  bool in_time = true;
+  for (std::int32_t n = 0; n < 4; ++n) {
+    send_pose(n), send_image(n);
+    in_time = in_time && mapped(static_cast<std::size_t>(n) + 1);
+  }
+  send_image(4), send_pose(4);
+  in_time = in_time && mapped(5);
+  // A pose just before its image, which no other follows: taken when the images that may wait are too many.
+  send_pose(5), send_image(5, 5000000);
+  for (std::uint32_t i = 1; i <= 10; ++i) send_image(5, 20000000 * i);
+  in_time = in_time && mapped(6);
+  // Poses that come two images late, and images before that no pose is near to.
+  send_image(6), send_image(7);
+  for (std::int32_t n = 6; n < 8; ++n) {
+    send_pose(n);
+    in_time = in_time && mapped(static_cast<std::size_t>(n) + 1);
   }
   std::printf("%zu points, %zu of them off the wall; %zu keyframes, the last at %.3f m, it should be at 1.75\n", points,
               off, keyframes, last_x);

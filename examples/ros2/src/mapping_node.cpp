@@ -6,6 +6,7 @@
 /// out. Mapping runs in a thread of its own, so that no callback waits for it.
 
 #include <condition_variable>
+#include <cstddef>
 #include <deque>
 #include <exception>
 #include <geometry_msgs/msg/pose_stamped.hpp>
@@ -63,9 +64,10 @@ class mapping_node : public rclcpp::Node {
         "pose", 100, [this](geometry_msgs::msg::PoseStamped::ConstSharedPtr m) {
           recent_.push_back(*m);
           if (recent_.size() > 200) recent_.pop_front();
+          take_waiting();
         });
     images_ = create_subscription<sensor_msgs::msg::Image>(
-        "image", sensor, [this](sensor_msgs::msg::Image::ConstSharedPtr m) { take(*m); });
+        "image", sensor, [this](sensor_msgs::msg::Image::ConstSharedPtr m) { keep(std::move(m)); });
     points_ = create_publisher<sensor_msgs::msg::PointCloud2>("points", rclcpp::QoS(1).transient_local());
     path_ = create_publisher<nav_msgs::msg::Path>("keyframes", rclcpp::QoS(1).transient_local());
   }
@@ -94,14 +96,36 @@ class mapping_node : public rclcpp::Node {
     mapping_ = std::thread([this] { run(); });
   }
 
-  void take(const sensor_msgs::msg::Image& m) {
-    const geometry_msgs::msg::PoseStamped* pose = nearest(m.header.stamp);
-    if (!mapper_ || pose == nullptr) {
-      RCLCPP_INFO_THROTTLE(get_logger(), *get_clock(), 5000, "an image without %s", mapper_ ? "pose" : "camera_info");
-      return;
-    }
+  void lacks(const char* what) { RCLCPP_INFO_THROTTLE(get_logger(), *get_clock(), 5000, "an image without %s", what); }
+
+  void keep(sensor_msgs::msg::Image::ConstSharedPtr m) {
+    if (!mapper_) return lacks("camera_info");
+    waiting_.push_back(std::move(m));
+    take_waiting();
+    if (waiting_.size() > most_waiting) take_first();
+  }
+
+  /// Takes the images that no later pose can be nearer to: one at or after their stamp is there.
+  void take_waiting() {
+    const auto is_decided = [this](const sensor_msgs::msg::Image& m) {
+      return !recent_.empty() && !(rclcpp::Time(recent_.back().header.stamp) < rclcpp::Time(m.header.stamp));
+    };
+    while (!waiting_.empty() && is_decided(*waiting_.front())) take_first();
+  }
+
+  /// The first image that waits, with the pose that is nearest now.
+  void take_first() {
+    const auto m = std::move(waiting_.front());
+    waiting_.pop_front();
+    if (const auto* pose = nearest(m->header.stamp))
+      take(*m, pose->pose);
+    else
+      lacks("pose");
+  }
+
+  void take(const sensor_msgs::msg::Image& m, const geometry_msgs::msg::Pose& pose) {
     frame f;
-    f.T_cw = world_to_camera(pose->pose), f.stamp = m.header.stamp;
+    f.T_cw = world_to_camera(pose), f.stamp = m.header.stamp;
     {
       const std::lock_guard<std::mutex> held(mutex_);
       if (!last_.wants(f.T_cw, options_)) return;
@@ -195,7 +219,11 @@ class mapping_node : public rclcpp::Node {
   cv::Ptr<cv::ORB> orb_;
   cv::Mat K_, distortion_;
   std::deque<geometry_msgs::msg::PoseStamped> recent_;  // callbacks run on one thread
-  std::unique_ptr<pose_mapper> mapper_;                 // made once, before the thread; then the thread's
+  // An odometry that computes a pose from an image publishes it after that image. 10 images are 0.5 s at 20 Hz, more than
+  // one takes that keeps up, and some megabytes.
+  static constexpr std::size_t most_waiting = 10;
+  std::deque<sensor_msgs::msg::Image::ConstSharedPtr> waiting_;
+  std::unique_ptr<pose_mapper> mapper_;  // made once, before the thread; then the thread's
   std::thread mapping_;
 
   std::mutex mutex_;  // of what follows

@@ -46,6 +46,7 @@ class Time {
     return {static_cast<std::int32_t>(ns_ / 1000000000), static_cast<std::uint32_t>(ns_ % 1000000000)};
   }
   double seconds() const { return 1e-9 * static_cast<double>(ns_); }
+  friend bool operator<(const Time& a, const Time& b) { return a.ns_ < b.ns_; }
   friend Duration operator-(const Time& a, const Time& b) { return Duration(a.ns_ - b.ns_); }
 
  private:
