@@ -90,6 +90,8 @@ constexpr const char* schur_system =
 void texts(const fs::path& corpus) {
   turbomap::write_trajectory(in(corpus, "trajectory", "three"),
                              {{-500000001, {}}, {0, {0.6, 0, 0, 0.8, 1, -2, 3.5}}, {1403715527912143104, {}}});
+  write_bytes(in(corpus, "trajectory", "exponents"),
+              "-.5e-3 1 0 0 0 0 0 1\n1.403636580838555574e+09 0 0 0 0 0 0 1\n+1.5e9 0 0 0 0 0 0 1\n");
   write_bytes(in(corpus, "keyframe_map", "one_keyframe"), turbomap_test::keyframe_map_bytes());
   turbomap::crossover measured;
   measured.least[0] = 1 << 20, measured.least[1] = 2048.5;

@@ -79,6 +79,58 @@ TEST_CASE("a trajectory that could not be read is not written") {
   CHECK(std::distance(std::filesystem::directory_iterator(folder.path()), {}) == 2);
 }
 
+TEST_CASE("times may have a sign and an exponent, and are exact to the nanosecond") {
+  const turbomap_test::temporary_directory folder;
+  const auto time = [&](const std::string& text) {
+    turbomap_test::write_bytes(folder / "t.txt", text + " 0 0 0 0 0 0 1\n");
+    return turbomap::read_trajectory(folder / "t.txt").at(0).t_ns;
+  };
+  CHECK(time("1.403636580838555574e+09") == 1403636580838555574);
+  CHECK(time("-1.403636580838555574E9") == -1403636580838555574);
+  CHECK(time("0.000000000000000000e+00") == 0);
+  CHECK(time("0e999") == 0);
+  CHECK(time("+1.5") == 1500000000);
+  CHECK(time(".5") == 500000000);
+  CHECK(time("-.5e-3") == -500000);
+  CHECK(time("5.") == 5000000000);
+  CHECK(time("14036365808385555749.9e-10") == 1403636580838555574);
+  CHECK(time("123456789e-17") == 1);  // 1.2 ns
+  CHECK(time("9e-10") == 0);
+  CHECK(time("1e-999") == 0);
+  CHECK(time("0.0000000000001403636580838555574e22") == 1403636580838555574);
+  CHECK(time("9223372036854775807e-9") == std::numeric_limits<std::int64_t>::max());
+  CHECK(time("-9.223372036854775808e9") == std::numeric_limits<std::int64_t>::min());
+  for (const char* text : {"9.223372036854775808e9",
+                           "-9.223372036854775809e9",
+                           "1e10",
+                           "1e999",
+                           "1e1000",
+                           "1e-1000",
+                           "1e99999999999",
+                           "1e",
+                           "1e+",
+                           "1e+-5",
+                           "1e++5",
+                           "1e5.0",
+                           "1e5e5",
+                           "e5",
+                           ".",
+                           ".e5",
+                           "+",
+                           "-",
+                           "+-1",
+                           "-+1",
+                           "++1",
+                           "1.2.3",
+                           "1 e5",
+                           "0x1p3",
+                           "inf"}) {
+    CAPTURE(text);
+    CHECK(has(bad_file_message([&] { time(text); }), "t.txt: line 1: "));
+  }
+  CHECK(has(bad_file_message([&] { time("1e10"); }), "'1e10' is not a number"));
+}
+
 TEST_CASE("malformed trajectories are refused by line and reason") {
   const turbomap_test::temporary_directory folder;
   const auto error = [&](const std::string& text) {

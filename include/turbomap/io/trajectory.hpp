@@ -6,8 +6,10 @@
 /// Trajectories in the TUM format (one line per pose: `t x y z qx qy qz qw`, seconds, body in world), read and written with
 /// exact nanoseconds.
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -32,25 +34,37 @@ TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
 
-/// Seconds written in decimals to nanoseconds, exactly: a double has no room for both the epoch and nanoseconds. Digits
-/// beyond the ninth are dropped. False when it is not a plain decimal number, or has no room in 64 bits.
+/// Seconds written in decimals to nanoseconds, exactly: a double has no room for both the epoch and nanoseconds. A sign
+/// and an exponent may be there: +1.5, .5, 1.403636580838555574e+09. Digits beyond the nanoseconds are dropped. False when
+/// it is no such number, or has no room in 64 bits.
 inline bool parse_seconds(const char* at, const char* end, std::int64_t& t_ns) {
+  constexpr std::uint64_t limit = std::uint64_t{1} << 63;
   const bool negative = at != end && *at == '-';
-  if (negative) ++at;
-  std::uint64_t whole = 0, part = 0;
-  const auto integer = std::from_chars(at, end, whole);
-  if (integer.ec != std::errc() || whole > 9223372036) return false;  // 2^63 ns
-  at = integer.ptr;
-  if (at != end) {
-    if (*at++ != '.') return false;
-    std::uint64_t unit = 100000000;
-    for (; at != end; ++at, unit /= 10) {
-      if (*at < '0' || *at > '9') return false;
-      part += unit * static_cast<std::uint64_t>(*at - '0');
-    }
+  if (at != end && (negative || *at == '+')) ++at;
+  const char* const digits_end = std::find_if(at, end, [](char c) { return c == 'e' || c == 'E'; });
+  int exponent = 0;
+  if (digits_end != end) {
+    if (!parse_number(digits_end + 1, end, exponent)) return false;
+    if (exponent < -999 || exponent > 999) return false;  // more digits than that of a double has
   }
-  const std::uint64_t size = whole * 1000000000 + part, limit = std::uint64_t{1} << 63;
-  if (size > limit - (negative ? 0 : 1)) return false;
+  const char* const point = std::find(at, digits_end, '.');
+  std::ptrdiff_t places = point - at + exponent + 9;  // digits of the nanoseconds that are still to come
+  std::uint64_t size = 0;
+  const auto append = [&](std::uint64_t digit) {
+    if (size > limit / 10) return false;
+    size = 10 * size + digit;
+    return true;
+  };
+  bool any = false;
+  for (; at != digits_end; ++at) {
+    if (at == point) continue;
+    if (*at < '0' || *at > '9') return false;
+    any = true;
+    if (places-- > 0 && !append(static_cast<std::uint64_t>(*at - '0'))) return false;
+  }
+  for (; places > 0; --places)
+    if (!append(0)) return false;
+  if (!any || size > limit - (negative ? 0 : 1)) return false;
   // Minus one, so that -2^63, which has no positive counterpart, is computed too.
   t_ns = negative && size != 0 ? -static_cast<std::int64_t>(size - 1) - 1 : static_cast<std::int64_t>(size);
   return true;
@@ -76,9 +90,9 @@ inline bool is_trajectory_rotation(double norm) { return std::abs(norm - 1) < 1e
 
 }  // namespace detail
 
-/// Reads a trajectory; empty lines and those that begin with # are comments. Quaternions are normalised. Throws
-/// bad_file naming file, line and reason: not eight finite numbers, a rotation that is none, times that do not rise, no
-/// pose at all.
+/// Reads a trajectory; empty lines and those that begin with # are comments. Numbers may have an exponent, as numpy.savetxt
+/// writes them. Quaternions are normalised. Throws bad_file naming file, line and reason: not eight finite numbers, a
+/// rotation that is none, times that do not rise, no pose at all.
 inline std::vector<stamped_pose> read_trajectory(const std::filesystem::path& file) {
   detail::text_reader in(file);
   std::vector<stamped_pose> poses;
