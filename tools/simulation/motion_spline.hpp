@@ -10,7 +10,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <limits>
+#include <stdexcept>
+#include <string>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -41,18 +45,41 @@ inline Eigen::Vector3d log_so3(Eigen::Quaterniond q) {
   return q.vec() * (2 * std::atan2(sine, q.w()) / sine);
 }
 
+/// How many knots `step_ns` apart lie within the times of poses (at least two, times rising). Throws std::invalid_argument,
+/// naming `name`, when there are fewer than four, or so many that it can only be a gap: from a first time of 0 to one since
+/// 1970, knots would take more than half a terabyte.
+inline std::int64_t count_knots(const std::vector<stamped_pose>& poses, std::int64_t step_ns, const std::string& name) {
+  require(poses.size() >= 2, name.c_str(), poses.size(), "a motion needs two poses at least");
+  constexpr std::uint64_t most = 10000000, longest = std::numeric_limits<std::int64_t>::max();
+  // The difference of two signed times may need 64 bits.
+  const auto between = [&](std::size_t i, std::size_t j) {
+    return static_cast<std::uint64_t>(poses[j].t_ns) - static_cast<std::uint64_t>(poses[i].t_ns);
+  };
+  const auto seconds = [](std::uint64_t ns) { return std::to_string(ns / 1000000000); };
+  const std::uint64_t span_ns = between(0, poses.size() - 1), count = span_ns / static_cast<std::uint64_t>(step_ns) + 1;
+  if (count > most || span_ns > longest) {
+    std::size_t gap = 1;
+    for (std::size_t i = 2; i < poses.size(); ++i)
+      if (between(i - 1, i) > between(gap - 1, gap)) gap = i;
+    throw std::invalid_argument("turbomap: " + name + ": spans " + seconds(span_ns) + " s, " +
+                                seconds(between(gap - 1, gap)) + " s of it between poses " + std::to_string(gap) +
+                                " and " + std::to_string(gap + 1) + ": a motion may have " + std::to_string(most) +
+                                " knots, " + printed(1e-9 * static_cast<double>(step_ns)) + " s apart");
+  }
+  require(count >= 4, name.c_str(), static_cast<double>(span_ns) * 1e-9, "seconds must be four knots at least");
+  return static_cast<std::int64_t>(count);
+}
+
 /// The motion; defined on [begin_ns(), end_ns()].
 class motion_spline {
  public:
   /// Knots every `knot_seconds`, at poses interpolated between the given ones (at least two, times rising). Throws
-  /// std::invalid_argument when they span fewer than four knots.
+  /// std::invalid_argument when they span fewer than four knots or more than count_knots() allows.
   motion_spline(const std::vector<stamped_pose>& poses, double knot_seconds) {
     require(knot_seconds > 0, "knot_seconds", knot_seconds, "must be positive");
-    require(poses.size() >= 2, "poses", poses.size(), "a motion needs two poses at least");
     step_ = static_cast<std::int64_t>(knot_seconds * 1e9);
+    const std::int64_t count = count_knots(poses, step_, "poses");
     start_ = poses.front().t_ns;
-    const std::int64_t span_ns = poses.back().t_ns - start_, count = span_ns / step_ + 1;
-    require(count >= 4, "poses", static_cast<double>(span_ns) * 1e-9, "seconds must be four knots at least");
     std::size_t next = 1;
     for (std::int64_t k = 0; k < count; ++k) {
       const std::int64_t t = start_ + k * step_;

@@ -65,14 +65,16 @@ inline std::vector<stamped_pose> corridor_walk(double seconds, const Eigen::Isom
 inline std::vector<stamped_pose> builtin_trajectory(const Eigen::Isometry3d& T_bc) { return room_walk(44, 0, T_bc); }
 
 /// 'builtin', 'room' or 'corridor', the last two long enough for so many keyframes (0: the length of 'builtin');
-/// any other name is that of a TUM file.
+/// any other name is that of a TUM file, and what is wrong with the length of that names it.
 inline std::vector<stamped_pose> trajectory(const std::string& name, const motion_options& options,
                                             const Eigen::Isometry3d& T_bc) {
   const double seconds = options.most_keyframes > 0 ? (options.most_keyframes + 4) * options.keyframe_seconds + 1 : 44;
-  return name == "builtin"    ? builtin_trajectory(T_bc)
-         : name == "room"     ? room_walk(seconds, 0.15, T_bc)
-         : name == "corridor" ? corridor_walk(seconds, T_bc)
-                              : read_trajectory(name);
+  if (name == "builtin") return builtin_trajectory(T_bc);
+  if (name == "room") return room_walk(seconds, 0.15, T_bc);
+  if (name == "corridor") return corridor_walk(seconds, T_bc);
+  auto poses = read_trajectory(name);
+  count_knots(poses, static_cast<std::int64_t>(options.knot_seconds * 1e9), name);
+  return poses;
 }
 
 }  // namespace turbomap::simulation

@@ -115,6 +115,34 @@ TEST_CASE("the motion's derivatives are those of its poses") {
   CHECK_THROWS_AS(sim::motion_spline({{0, {}}, {100, {}}}, 0.1), std::invalid_argument);
 }
 
+TEST_CASE("a motion with a gap of years is refused, and the gap is named") {
+  const auto error = [](auto call) -> std::string {
+    try {
+      call();
+    } catch (const std::invalid_argument& e) {
+      return e.what();
+    }
+    return "nothing thrown";
+  };
+  constexpr std::int64_t second = 1000000000;
+  const auto spline = [&](const std::vector<turbomap::stamped_pose>& poses) {
+    return error([&] { sim::motion_spline(poses, 0.1); });
+  };
+  const std::string gap = spline({{0, {}}, {second, {}}, {1400000000 * second, {}}, {1400000009 * second, {}}});
+  CHECK(turbomap_test::has(gap, "poses: spans 1400000009 s, 1399999999 s of it between poses 2 and 3"));
+  CHECK(turbomap_test::has(spline({{-9200000000 * second, {}}, {9200000000 * second, {}}}),
+                           "poses: spans 18400000000 s"));
+  CHECK(spline({{0, {}}, {3600 * second, {}}}) == "nothing thrown");
+
+  const turbomap_test::temporary_directory folder;
+  const std::string file = (folder / "gap.tum").string();
+  turbomap::write_trajectory(file, {{0, {}}, {1400000000 * second, {}}});
+  CHECK(turbomap_test::has(error([&] { sim::trajectory(file, {}, Eigen::Isometry3d::Identity()); }),
+                           "gap.tum: spans 1400000000 s"));
+  turbomap::write_trajectory(file, {{0, {}}});
+  CHECK(turbomap_test::has(error([&] { sim::trajectory(file, {}, Eigen::Isometry3d::Identity()); }), "gap.tum = 1"));
+}
+
 TEST_CASE("long walks: a room is seen again and again, a corridor not") {
   const sim::simulated_rig rig = sim::euroc_rig();
   sim::simulation_options options;
