@@ -65,7 +65,8 @@ int main(int argc, char** argv) {
       "Kalibr FILE.yaml, instead of each sensor.yaml or TUM-VI's dso/camchain.yaml; its imu0 too, where it has one");
   app.add_flag("--mono", args.data.mono, "Only the left camera, no stereo");
   app.add_flag("--imu", args.data.imu, "Inertial data too (imu0)");
-  app.add_option("--drift", o.motion.drift_metres_per_metre, "Drift of the recorded poses, m per m")
+  app.add_option("--drift", o.motion.drift_metres_per_metre,
+                 "Drift of the recorded positions, m per m; rotations drift by 0.2 times as many rad per m")
       ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();
   app.add_option("--seed", o.seed, "The same seed gives the same drift")->capture_default_str();

@@ -106,7 +106,8 @@ int main(int argc, char** argv) {
   app.add_option("--disparity-noise", args.disparity_noise_px,
                  "... of the disparity of a rectified pair (not given: 0.26 times that of u, as measured)")
       ->check(CLI::Range(0.0, 100.0));
-  app.add_option("--drift", o.motion.drift_metres_per_metre, "Drift of the recorded poses, m per m")
+  app.add_option("--drift", o.motion.drift_metres_per_metre,
+                 "Drift of the recorded positions, m per m; rotations drift by 2e-4 rad per m, whatever is given")
       ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();
   turbomap::simulation::add_keyframe_rules(app, o.motion);

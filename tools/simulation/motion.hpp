@@ -31,9 +31,9 @@ struct motion_options {
   /// Without stereo, the second keyframe is so far from the first: two views without parallax make no first map. 3 degrees
   /// at 3 m.
   double first_metres = 0.15;
-  int most_keyframes = 0;                ///< 0: all the way
-  double drift_metres_per_metre = 1e-3;  ///< standard deviation of the position's random walk, per metre travelled
-  double drift_radians_per_metre = 2e-4;
+  int most_keyframes = 0;                 ///< 0: all the way
+  double drift_metres_per_metre = 1e-3;   ///< standard deviation of the position's random walk, per metre travelled
+  double drift_radians_per_metre = 2e-4;  ///< of the rotation's
 };
 
 inline Eigen::Isometry3d pose_of(const body_state& s) {

@@ -374,6 +374,21 @@ TEST_CASE("recorded poses drift away from the truth, slowly") {
   CHECK((isometry(r.T_cw[0]).matrix() - isometry(r.sim_T_cw_true[0]).matrix()).norm() < 1e-6);
 }
 
+TEST_CASE("without a drift in position, rotations drift by 2e-4 rad per metre, as the pages say") {
+  sim::motion_options options;
+  options.drift_metres_per_metre = 0;
+  std::vector<Eigen::Isometry3d> straight(2001, Eigen::Isometry3d::Identity());
+  for (std::size_t i = 0; i < straight.size(); ++i) straight[i].translation().x() = static_cast<double>(i);
+  const auto poses = sim::drifting_poses(straight, options, 1);
+  double squares = 0;
+  for (std::size_t i = 1; i < poses.size(); ++i) {
+    const Eigen::Isometry3d step = poses[i - 1].inverse() * poses[i];
+    CHECK((step.translation() - Eigen::Vector3d::UnitX()).norm() < 1e-9);
+    squares += sim::log_so3(Eigen::Quaterniond(step.linear())).squaredNorm();
+  }
+  CHECK(std::sqrt(squares / 6000) == doctest::Approx(2e-4).epsilon(0.05));
+}
+
 TEST_CASE("a fisheye pair: partners show the same point, in the other image") {
   const recording& r = tum_vi();
   std::size_t partners = 0;
