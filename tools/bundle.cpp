@@ -36,7 +36,7 @@ int main(int argc, char** argv) {
       "Examples:\n"
       "  turbomap-bundle problem-49-7776-pre.txt                   a problem of Bundle Adjustment in the Large\n"
       "  turbomap-bundle MODEL --policy omp --solver sparse        a COLMAP model in text form\n"
-      "  turbomap-bundle PROBLEM --precision float64 --repeat 10   medians of ten runs");
+      "  turbomap-bundle PROBLEM --precision float64 --repeat 10   medians of the nine after the first");
   app.add_option("input", a.input, "file or folder of the problem")->required();
   app.add_option(
          "--format", a.format,

@@ -46,6 +46,13 @@ inline std::filesystem::path first_file(const std::filesystem::path& folder, con
   return first;
 }
 
+/// The same; throws bad_file where there is none.
+inline std::filesystem::path existing_first_file(const std::filesystem::path& folder, const std::string& begin) {
+  const auto first = first_file(folder, begin);
+  if (first.empty()) throw turbomap::bad_file("turbomap: " + folder.string() + ": holds no file named " + begin + "*");
+  return first;
+}
+
 inline std::string format_of(const std::filesystem::path& input) {
   namespace fs = std::filesystem;
   if (!fs::exists(input)) throw turbomap::bad_file("turbomap: " + input.string() + ": is not there");
@@ -62,7 +69,7 @@ inline std::string format_of(const std::filesystem::path& input) {
 
 /// FILE: VO_stereo_factors<suffix>.txt; the calibration is that of the suffix, or the one without.
 inline loaded_problem load_kitti(const std::filesystem::path& input) {
-  const auto factors = std::filesystem::is_directory(input) ? first_file(input, "VO_stereo_factors") : input;
+  const auto factors = std::filesystem::is_directory(input) ? existing_first_file(input, "VO_stereo_factors") : input;
   const std::string begin = "VO_stereo_factors", name = factors.filename().string();
   if (name.rfind(begin, 0) != 0)
     throw turbomap::bad_file("turbomap: " + factors.string() + ": is not named VO_stereo_factors*.txt");
@@ -148,7 +155,8 @@ inline loaded_problem load(const arguments& a, const std::string& format) {
     if (format == "kitti-stereo") return load_kitti(a.input);
     if (format == "colmap") return load_colmap(a.input);
     if (format == "generated") return generate_bal(parse_generated_size(a.input.string()), a.seed);
-    return turbomap::read_bal(std::filesystem::is_directory(a.input) ? first_file(a.input, "problem-") : a.input);
+    return turbomap::read_bal(std::filesystem::is_directory(a.input) ? existing_first_file(a.input, "problem-")
+                                                                     : a.input);
   }();
   if (a.perturb_m != 0 || a.perturb_rad != 0)
     std::visit(

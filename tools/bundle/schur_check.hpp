@@ -68,6 +68,7 @@ nlohmann::json check_schur(const Policy& policy, const turbomap::schur_system& s
     ours.reduce(0, S, rhs);
     times.push_back(one.ms());
   }
+  if (repeat > 1) times.erase(times.begin());  // as of every problem
   const double hschur = relative_difference(S, recorded), bschur = relative_difference(rhs, s.bschur);
   const double residual = relative_residual(recorded, s.xp, s.bschur);
   const double xl = relative_difference(ours.substitute(s.xp), s.xl);

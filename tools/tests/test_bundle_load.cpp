@@ -1,0 +1,30 @@
+// SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
+// SPDX-License-Identifier: Apache-2.0
+
+// What turbomap-bundle says of an input that holds no problem.
+
+#include <string>
+
+#include <doctest/doctest.h>
+
+#include "bundle/load.hpp"
+#include "support/files.hpp"
+
+using turbomap_test::bad_file_message;
+using turbomap_test::has;
+
+TEST_CASE("a folder without a file of the format is named, and the file that it lacks") {
+  const turbomap_test::temporary_directory folder;
+  turbomap_bundle::arguments a;
+  a.input = folder.path();
+  const auto error = [&](const std::string& format) {
+    return bad_file_message([&] { turbomap_bundle::load(a, format); });
+  };
+  CHECK(has(error("bal"), folder.path().string() + ": holds no file named problem-*"));
+  CHECK(has(error("kitti-stereo"), folder.path().string() + ": holds no file named VO_stereo_factors*"));
+  for (const char* format : {"schur", "lba", "colmap"}) {
+    CAPTURE(format);
+    CHECK(has(error(format), folder.path().string()));
+  }
+  CHECK(has(bad_file_message([&] { turbomap_bundle::format_of(a.input); }), "holds no problem of a known format"));
+}
