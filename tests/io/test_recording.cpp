@@ -397,6 +397,13 @@ TEST_CASE("tables of times") {
   CHECK(has(error("iter,a\n1,\n"), "line 2: '' is not a number"));
   CHECK(has(error("iter,a,a\n1,2,3\n"), "line 1: has two columns 'a'"));
   CHECK(has(error(""), "has no header"));
+  const auto lacks = [&](const char* name, const char* text) {
+    turbomap_test::write_bytes(folder / name, text);
+    return bad_file_message([&] { turbomap::read_timing(folder.path()); });
+  };
+  CHECK(has(lacks("timing_quiet.csv", "ms_sft,snapshot\n7,0\n"), "timing_quiet.csv: line 1: has no column 'iter'"));
+  std::filesystem::remove(folder / "timing_quiet.csv");
+  CHECK(has(lacks("timing.csv", "iter,ms_sft\n11,7\n"), "timing.csv: line 1: has no column 'snapshot'"));
   CHECK(has(bad_file_message([&] { turbomap::read_timing_table(folder.path()); }), "cannot be opened"));
 }
 

@@ -140,6 +140,10 @@ replay_result replay_once(const turbomap::recording& recording, const Policy& po
 
 template <class Camera, class Policy>
 outcome replay(const turbomap::recording& recording, const Policy& policy, const arguments& given) {
+  // Read first: what is wrong with it shows at once. A simulated recording may have been written over a recorded one, whose times
+  // stay in the folder.
+  const turbomap::timing_table timing =
+      recording.is_simulated() ? turbomap::timing_table{} : turbomap::read_timing(given.recording);
   nlohmann::json offset;
   const arguments arguments = decided<Camera>(recording, policy, given, offset);
   if (!arguments.without_imu.empty() && !arguments.quiet && recording.meta.sensor == "inertial" && recording.has_imu())
@@ -153,9 +157,6 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
     for (std::size_t i = warm_up; i < result.rows.size(); ++i) rows.push_back(result.rows[i]);
   }
   o.end_ms = now_ms();
-  // A simulated recording may have been written over a recorded one, whose times stay in the folder.
-  const turbomap::timing_table timing =
-      recording.is_simulated() ? turbomap::timing_table{} : turbomap::read_timing(arguments.recording);
   const std::vector<stage_samples> stages = stages_of(rows, timing);
   std::size_t skipped = 0, cut = 0, keyframes_culled = 0, points_culled = 0, created = 0, matches = 0;
   std::size_t adjustments = 0, adjustment_iterations = 0;

@@ -49,11 +49,18 @@ inline std::filesystem::path snapshot_directory(const std::filesystem::path& dir
 }
 
 /// The recorded system's own times: from the quiet run when there was one, else from the recording one; an empty table
-/// when there is neither. Throws bad_file for a malformed one.
+/// when there is neither. Throws bad_file for a malformed one, and for one without the columns that timing_table::steady()
+/// chooses rows by.
 inline timing_table read_timing(const std::filesystem::path& directory) {
   std::error_code ignored;
   for (const char* name : {"timing_quiet.csv", "timing.csv"})
-    if (std::filesystem::exists(directory / name, ignored)) return read_timing_table(directory / name);
+    if (std::filesystem::exists(directory / name, ignored)) {
+      timing_table table = read_timing_table(directory / name);
+      for (const char* column : {"iter", "snapshot"})
+        if (!table.has(column))
+          throw bad_file("turbomap: " + (directory / name).string() + ": line 1: has no column '" + column + "'");
+      return table;
+    }
   return {};
 }
 
