@@ -103,6 +103,27 @@ TEST_CASE_TEMPLATE("of several keyframes: as of one after the other", Map, flat_
   }
 }
 
+TEST_CASE("an observer that is no keyframe is passed over: its name is not asked for anything") {
+  pointer_map map;
+  using traits = turbomap::map_traits<pointer_map>;
+  turbomap::list_of<pointer_keyframe*> k;
+  for (int i = 0; i < 2; ++i) k.push_back(insert_keyframe(map, {make_keypoint(0)}, i, nullptr));
+  auto* const p = traits::add_point(map, {}, k[0]);
+  for (auto* const observer : k) REQUIRE(turbomap::observe(map, p, observer, 0));
+  p->observations[nullptr].push_back(3);
+  turbomap::covisibility<pointer_map> covisibility;
+  const auto check = [&](const auto& found, auto* expected) {
+    REQUIRE(found.size() == 1);
+    CHECK(found[0].keyframe == expected);
+    CHECK(found[0].shared_points == 1);
+  };
+  check(covisibility(map, k[0], 1), k[1]);
+  std::size_t at = 2;
+  covisibility.of_each(map, k, 1, turbomap::no_limit, turbomap::every_keyframe(),
+                       [&](const auto& found) { check(found, k[--at]); });
+  CHECK(at == 0);
+}
+
 TEST_CASE("a keyframe without keypoints has no neighbours") {
   flat_map map;
   const auto k = map.add_keyframe({}, {});

@@ -10,14 +10,29 @@
 
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <limits>
+#include <random>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "local_mapper_cases.hpp"
 #include "scenes/lying_map.hpp"
+#include "scenes/pointer_map.hpp"
+
+namespace turbomap_test {
+
+/// A map of pointers that is read directly.
+struct direct_pointer_map : pointer_map {};
+
+}  // namespace turbomap_test
+
+template <>
+struct turbomap::map_traits<turbomap_test::direct_pointer_map> : turbomap::map_traits<turbomap_test::pointer_map> {
+  static constexpr bool mirrored = false;
+};
 
 namespace {
 
@@ -189,6 +204,107 @@ TEST_CASE("the pose of the keyframe itself turns bad: what needs none is done") 
     r.run.note();
     for (int n = 0; n < 3; ++n) CHECK(r.run.step().outcome[mapping_stage::adjustment] == stage_outcome::done);
     CHECK(turbomap::validate(r.run.map).size() == 1);  // the pose
+  }
+}
+
+/// A stereo camera goes along a wall, in a map of pointers; nobody's name may be asked for anything. Tracking knows 60 of 100 points
+/// of the wall.
+template <class Map>
+struct wall_run {
+  using traits = turbomap::map_traits<Map>;
+  Map map;
+  turbomap::context<sequential_policy> ctx;
+  turbomap::store_of<Map, sequential_policy> store;
+  turbomap::local_mapper<Map, sequential_policy> mapper;
+  turbomap_test::test_rig<map_camera> rig = turbomap_test::pinhole_rig(50);
+  std::vector<std::uint8_t> descriptors;
+  std::vector<pointer_keyframe*> keyframes;
+  std::vector<pointer_point*> points;
+
+  explicit wall_run(bool strict) : mapper(ctx, map, store, with(strict)) {
+    std::mt19937 random(1);
+    for (int b = 0; b < 100 * 32; ++b) descriptors.push_back(static_cast<std::uint8_t>(random()));
+    for (int n = 0; n < 3; ++n) step();
+  }
+  static turbomap::local_mapper_options with(bool strict) {
+    auto options = turbomap::local_mapper_options::stereo(0.11, 10);
+    options.strict = strict;
+    return options;
+  }
+  static turbomap::vec3<double> on_wall(int i) { return {0.3 * (i % 10) - 1, 0.3 * (i / 10) - 1.4, 4 + 0.1 * (i % 7)}; }
+  const turbomap::mapping_report& step() { return mapper.process(track()); }
+  pointer_keyframe* track() {
+    const auto n = static_cast<double>(keyframes.size());
+    const auto& camera = rig.cameras[0];
+    std::vector<turbomap::keypoint> keypoints;
+    for (int i = 0; i < 100; ++i) {
+      const auto x = on_wall(i);
+      turbomap::vec2<double> uv{};
+      camera.camera.project(turbomap::vec3<double>{x.x - 0.25 * n, x.y, x.z}, uv);
+      auto k = make_keypoint(0, 0, static_cast<float>(uv.x - camera.bf / x.z), static_cast<float>(x.z));
+      k.x = static_cast<float>(uv.x), k.y = static_cast<float>(uv.y);
+      keypoints.push_back(k);
+    }
+    auto* const k = insert_keyframe(map, keypoints, n, nullptr);
+    k->T_cw.tx = -0.25 * n;
+    for (int i = 0; i < 60; ++i) {
+      if (n == 0) points.push_back(traits::add_point(map, on_wall(i), k));
+      turbomap::observe(map, points[static_cast<std::size_t>(i)], k, static_cast<std::size_t>(i));
+    }
+    keyframes.push_back(k);
+    mapper.insert(k, turbomap::keyframe_data<map_descriptor, map_camera>{100, k->keypoints.data(), descriptors.data(),
+                                                                         rig.cameras.data(), 1, rig.bounds});
+    return k;
+  }
+};
+
+TEST_CASE_TEMPLATE("names are pointers: what turns bad is passed over, and no name of nothing is asked for anything",
+                   Map, pointer_map, direct_pointer_map) {
+  struct damage {
+    const char* name;
+    map_fault fault;
+    void (*make)(wall_run<Map>&);
+  };
+  const damage all[] = {
+      {"a pose that is not finite", map_fault::bad_pose, [](wall_run<Map>& r) { r.keyframes[1]->T_cw.tx = nan; }},
+      {"a position that is not finite", map_fault::position_not_finite,
+       [](wall_run<Map>& r) { r.points[5]->position.x = nan; }},
+      {"a keypoint that is not there", map_fault::keypoint_out_of_range,
+       [](wall_run<Map>& r) { r.points[5]->observations[r.keyframes[2]].push_back(100000); }},
+      {"an observer that is dead, and in the store", map_fault::observer_not_alive,
+       [](wall_run<Map>& r) { r.keyframes[1]->bad = true; }},
+      {"the first keyframe is dead, and in the store", map_fault::observer_not_alive,
+       [](wall_run<Map>& r) { r.keyframes[0]->bad = true; }},
+      {"an observer that is none", map_fault::observer_not_alive,
+       [](wall_run<Map>& r) { r.points[5]->observations[nullptr].push_back(3); }},
+  };
+  for (const damage& d : all)
+    for (const bool reported : {true, false}) {
+      CAPTURE(d.name);
+      CAPTURE(reported);
+      wall_run<Map> r(false);
+      d.make(r);
+      if (reported) r.mapper.refresh();
+      for (int n = 0; n < 3; ++n) {
+        const auto& report = r.step();
+        for (const auto stage :
+             {mapping_stage::search, mapping_stage::creation, mapping_stage::fusion, mapping_stage::adjustment})
+          CHECK(report.outcome[stage] == stage_outcome::done);
+        // What nobody reports may not be seen, or be an edit of others.
+        if (reported) CHECK(names(report, d.fault));
+        CHECK(report.adjustment.observations > 100);
+        CHECK(report.adjustment.free_keyframes > 1);
+      }
+      CHECK(r.map.points.size() > 80);
+      CHECK(r.store.statistics().pinned_sets == 0);
+    }
+  for (const damage& d : all) {
+    CAPTURE(d.name);
+    wall_run<Map> r(true);
+    d.make(r);
+    r.mapper.refresh();
+    CHECK_THROWS_AS(r.step(), turbomap::inconsistent_map);
+    CHECK(r.store.statistics().pinned_sets == 0);
   }
 }
 

@@ -132,6 +132,7 @@ class covisibility {
           if (!traits::alive(map, point)) return;
           const std::uint64_t serial = ++serial_;
           traits::for_each_observation(map, point, [&](keyframe k, std::size_t) {
+            if (k == keyframe{}) return;  // a list that contradicts the map
             const std::size_t at = place(map, k);
             if (at >= tallies_.size()) tallies_.resize(at + at / 2 + 16);
             tally& t = tallies_[at];
@@ -163,6 +164,7 @@ class covisibility {
           row add;
           for (std::size_t q = 0; q < row::size; ++q) add.shared[q] = static_cast<std::int32_t>(seen_by_[i] >> q & 1U);
           traits::for_each_observation(map, point, [&](keyframe k, std::size_t) {
+            if (k == keyframe{}) return;
             const std::size_t number = place(map, k);
             if (number >= tallies_.size()) tallies_.resize(number + number / 2 + 16);
             tally& t = tallies_[number];

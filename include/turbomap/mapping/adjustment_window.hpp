@@ -67,8 +67,8 @@ class adjustment_window {
     local_ = frames_.size();
   }
   /// Reads points of the keyframes that move, with their observations: the next `most` slots. \return whether some are left
-  /// \throws inconsistent_map  an observation by a keypoint that its keyframe does not have, a position that cannot be used;
-  ///         where the scope notes faults, these are passed over
+  /// \throws inconsistent_map  an observation by a dead keyframe, or by a keypoint that its keyframe does not have, a position that
+  ///         cannot be used; where the scope notes faults, these are passed over
   /// In all O(observations of the points of the free keyframes).
   template <class Policy>
   bool read(const mapping_scope<Map, Policy>& s, std::size_t most) {
@@ -225,7 +225,12 @@ class adjustment_window {
     std::size_t number;
     if (!place_point(map, p, faults, number)) return;
     traits::for_each_observation(map, p, [&](keyframe k, std::size_t keypoint) {
-      const std::size_t f = add_frame(map, stored, k, hold, faults);
+      std::size_t f = frames_.find(map, k);
+      if (f == id_table::none) {  // only then: whether a keyframe is alive costs a lock in some maps
+        if (k == keyframe{} || !traits::alive(map, k))
+          return faults({map_fault::observer_not_alive, 0, traits::id(map, p), keypoint});
+        f = add_frame(map, stored, k, hold, faults);
+      }
       if (f != id_table::none) add_row(map, f, number, keypoint, faults);
     });
   }

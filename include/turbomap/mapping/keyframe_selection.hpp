@@ -68,8 +68,9 @@ class keyframe_selection {
     }
     return moved;
   }
-  /// Its number, or id_table::none.
+  /// Its number, or id_table::none; so for no keyframe, which a list that contradicts the map may name.
   std::size_t find(const Map& map, keyframe k) const {
+    if (k == keyframe{}) return id_table::none;
     const std::size_t known = numbers_.find(map, k);
     return known != id_table::none && is_the_one(known, k) ? known : id_table::none;
   }

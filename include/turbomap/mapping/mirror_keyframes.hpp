@@ -38,9 +38,9 @@ class mirror_keyframes {
     rigid_transform<double> T_cw;      ///< the pose
   };
 
-  /// None.
+  /// None. `gone` has an id that no store has: a list that still names a dead keyframe must not lead to another one's.
   mirror_keyframes() {
-    take(user_keyframe{}, 0), places_.retire(gone);
+    take(user_keyframe{}, static_cast<std::uint64_t>(-1)), places_.retire(gone);
     entries_[gone].has_keypoints = true;  // none
   }
 

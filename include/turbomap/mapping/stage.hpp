@@ -97,7 +97,7 @@ struct mapping_scope {
   /// Whether a keyframe can be searched: it is alive, in the store, and has a pose. The caller holds the guard.
   bool can_use(typename map_traits<Map>::keyframe k) const {
     using traits = map_traits<Map>;
-    if (!traits::alive(map, k)) return false;
+    if (k == typename traits::keyframe{} || !traits::alive(map, k)) return false;
     const std::uint64_t id = traits::id(map, k);
     if (!stored.contains(id)) return false;
     if (is_pose(pose_of(map, k))) return true;
