@@ -357,6 +357,24 @@ TEST_CASE("an unreported change of a reference is seen before its keyframe goes"
     turbomap::erase_keyframe(m, keyframe(3));
     CHECK(object.reference == &m.objects.keyframes[0]);
   }
+  SUBCASE("in a commit, of a keyframe that is the reference no longer; an observer was erased meanwhile") {
+    traits::set_reference(m, p, keyframe(3));
+    user_traits::set_reference(m.objects, &object, &m.objects.keyframes[2]);
+    turbomap::erase_keyframe(m.objects, &m.objects.keyframes[0]);
+    turbomap::look_at_all(static_cast<const turbomap::map_mirror<pointer_map>&>(m), keyframe(3), 2);
+    turbomap::erase_keyframe(m, keyframe(3));
+    REQUIRE_FALSE(object.bad);
+    CHECK_FALSE(object.reference->bad);
+    CHECK(object.reference == &m.objects.keyframes[2]);
+  }
+  SUBCASE("in a commit, of the reference; the observer that would follow it was erased meanwhile") {
+    traits::set_reference(m, p, keyframe(3));
+    turbomap::erase_keyframe(m.objects, &m.objects.keyframes[0]);
+    turbomap::look_at_all(static_cast<const turbomap::map_mirror<pointer_map>&>(m), keyframe(3), 1);
+    turbomap::erase_keyframe(m, keyframe(3), 1);
+    REQUIRE_FALSE(object.bad);
+    CHECK(object.reference == &m.objects.keyframes[1]);
+  }
   SUBCASE("by the sample check") {
     user_traits::set_reference(m.objects, &object, &m.objects.keyframes[3]);
     CHECK(m.check_sample(1) == 1);

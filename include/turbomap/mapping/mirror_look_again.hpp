@@ -174,9 +174,15 @@ bool look_at_points(map_copy<Map>& copy, map_keyframe_id k, int fewest, std::siz
     if (!copy.points.known(p) || !copy.points.alive(p.index)) continue;
     const auto name = copy.name(p);
     const bool read = copy.points.entries[copy.at(p)].read != 0;
-    if (read && user::alive(copy.map(), name) && !(user::reference(copy.map(), name) == copy.name(k)) &&
-        has_more_measurements_without(copy, copy.at(p), k.index, fewest))
-      continue;
+    if (read && user::alive(copy.map(), name)) {
+      const auto reference = user::reference(copy.map(), name);
+      if (!(reference == copy.name(k)) && has_more_measurements_without(copy, copy.at(p), k.index, fewest)) {
+        // The list may be of another time: where the keyframe was the reference by then, its heir would be chosen from it.
+        auto& known = copy.points.entries[copy.at(p)].reference;
+        known = copy.number(reference, known);
+        continue;
+      }
+    }
     if (read && is_current(copy, copy.at(p))) continue;
     differs = true;
     copy.read_point(copy.at(p));
