@@ -155,6 +155,7 @@ class local_mapper {
     if (options_.enabled[mapping_stage::process]) report_.ms[mapping_stage::process] = progress_.elapsed_ms();
     stage(mapping_stage::process, k, &local_mapper::update_associated);
     stage(mapping_stage::point_culling, k, &local_mapper::cull_points);
+    if (!options_.enabled[mapping_stage::point_culling]) probation_.release(iteration_, options_.point_culling);
     stage(mapping_stage::search, k, &local_mapper::search);
     stage(mapping_stage::creation, k, &local_mapper::create);
     stage(mapping_stage::fusion, k, &local_mapper::fuse);

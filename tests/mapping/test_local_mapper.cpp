@@ -151,6 +151,29 @@ TEST_CASE("each stage can be switched off: nothing of it happens") {
   }
 }
 
+TEST_CASE("probation ends while the stage that judges points is off, too") {
+  auto options = stereo_case().options;
+  options.enabled[mapping_stage::point_culling] = false;
+  stereo_run<> r(options);
+  std::vector<std::vector<turbomap::map_point_id>> alive;  // after each keyframe
+  for (int n = 0; n < 7; ++n) {
+    r.run.step();
+    alive.emplace_back();
+    flat_traits::for_each_point(r.run.map, [&](turbomap::map_point_id p) { alive.back().push_back(p); });
+  }
+  for (const auto p : alive.back()) r.run.map.seen_in_tracking(p, 100, 1);  // none of them would be kept
+  for (const auto s : all_stages) r.run.mapper.options().enabled[s] = s == mapping_stage::point_culling;
+  CHECK(r.run.step().points_culled > 10);  // new ones are judged
+  const auto& old = alive[alive.size() - 1 - static_cast<std::size_t>(options.point_culling.probation)];
+  std::size_t kept = 0;
+  for (const auto p : old) {
+    if (std::count(alive.back().begin(), alive.back().end(), p) == 0) continue;  // it was merged before
+    CHECK(r.run.map.alive(p));
+    ++kept;
+  }
+  CHECK(kept > 100);
+}
+
 TEST_CASE("keyframes that wait: fusion, adjustment and keyframe culling are skipped, and said to be") {
   bool wait = false;
   int adjusted = 0;

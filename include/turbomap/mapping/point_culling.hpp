@@ -124,6 +124,13 @@ class point_culling {
   }
   /// No point is on probation.
   void clear() { recent_.clear(); }
+  /// Takes off the list what has passed, and judges nothing: for keyframes at which the stage is off. \param now  number of the keyframe
+  void release(std::int64_t now, const map_point_culling_options& options) {
+    std::size_t kept = 0;
+    for (const auto& r : recent_)
+      if (now - r.since < options.probation) recent_[kept++] = r;
+    recent_.resize(kept);
+  }
   /// Looks at every point on probation, under the guard; takes out of the map those that fail. \param now  number of the keyframe
   map_point_culling_summary operator()(const mapping_scope<Map, Policy>& s, std::int64_t now,
                                        const map_point_culling_options& options) {
