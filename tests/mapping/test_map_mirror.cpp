@@ -727,6 +727,31 @@ TEST_CASE("many points are reported whose places others have already: all of the
   for (const auto p : mine) CHECK_FALSE(traits::alive(mirror, p));
 }
 
+TEST_CASE("reports that nobody hears do not pile up: too many, or one that everything changed, stand for all") {
+  using reports_type = turbomap::mirror_reports<pointer_map>;
+  reports_type reports;
+  pointer_point p;
+  pointer_keyframe k;
+  const auto check = [&](std::size_t points, std::size_t keyframes, bool all) {
+    const auto taken = reports.take();
+    CHECK(taken.points.size() == points);
+    CHECK(taken.keyframes.size() == keyframes);
+    CHECK(taken.all == all);
+  };
+  for (std::size_t n = 0; n + 1 < reports_type::most; ++n) reports.add(&p);
+  reports.add(&k);
+  check(reports_type::most - 1, 1, false);
+  for (std::size_t n = 0; n < reports_type::most; ++n) reports.add(&p);
+  reports.add(&k), reports.add(&p);
+  check(0, 0, true);
+  reports.add(&p), reports.add(&k);
+  reports.add_all();
+  reports.add(&p), reports.add(&k);
+  check(0, 0, true);
+  reports.add(&p);
+  check(1, 0, false);
+}
+
 TEST_CASE("who reports may hold the lock of the object") {
   furnished f(3);
   pointer_keyframe& k = f.m.objects.keyframes[0];

@@ -4,8 +4,11 @@
 
 /// \file
 /// What others say they have changed in a map that is mirrored. They may say so at any time; the mirror hears it when the next
-/// keyframe is processed, and that everything may have changed when the guard is next taken.
+/// keyframe is processed, and that everything may have changed when the guard is next taken. Where no keyframe is processed for
+/// long, a list of all that was said would grow, and keep objects of the user's: beyond a number it becomes that everything may
+/// have changed.
 
+#include <cstddef>
 #include <mutex>
 #include <utility>
 
@@ -29,19 +32,17 @@ class mirror_reports {
     bool all = false;                  ///< everything may have changed
   };
 
+  static constexpr std::size_t most = std::size_t{1} << 16;  ///< names that are kept; one more becomes add_all()
+
   /// A point changed.
-  void add(const user_point& p) {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    reported_.points.push_back(p);
-  }
+  void add(const user_point& p) { add(p, reported_.points); }
   /// A keyframe changed.
-  void add(const user_keyframe& k) {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    reported_.keyframes.push_back(k);
-  }
-  /// Everything may have changed.
+  void add(const user_keyframe& k) { add(k, reported_.keyframes); }
+  /// Everything may have changed: that says what was reported before, too.
   void add_all() {
+    reported dropped;  // let go without the lock: it may be the last that keeps an object
     const std::lock_guard<std::mutex> lock(mutex_);
+    std::swap(dropped, reported_);
     reported_.all = true;
   }
   /// What was reported; nothing is, afterwards. No lock is held when it is used: who reports may hold locks of objects.
@@ -59,6 +60,16 @@ class mirror_reports {
   }
 
  private:
+  template <class Name, class List>
+  void add(const Name& name, List& list) {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      if (reported_.all) return;
+      if (reported_.points.size() + reported_.keyframes.size() < most) return list.push_back(name);
+    }
+    add_all();
+  }
+
   std::mutex mutex_;
   reported reported_;
 };
