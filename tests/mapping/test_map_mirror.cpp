@@ -727,6 +727,33 @@ TEST_CASE("many points are reported whose places others have already: all of the
   for (const auto p : mine) CHECK_FALSE(traits::alive(mirror, p));
 }
 
+TEST_CASE("points that a commit has found dead and that are reported afterwards are no reason to read everything anew") {
+  furnished f(9);
+  std::vector<pointer_point*> erased;
+  std::vector<turbomap::map_point_id> kept;
+  for (auto& p : f.m.objects.points) {
+    const auto mine = f.m.number(&p);
+    REQUIRE(traits::alive(f.m, mine));  // all are read
+    if (erased.size() < 30)
+      erased.push_back(&p);
+    else
+      kept.push_back(mine);
+  }
+  for (auto* const p : erased) {
+    const auto mine = f.m.number(p);
+    turbomap::erase_point(f.m.objects, p);
+    traits::look_whether_alive(f.m, mine);
+    REQUIRE(!traits::alive(f.m, mine));
+  }
+  for (const auto p : kept) REQUIRE(f.m.copy().points.entries[static_cast<std::size_t>(p.index)].read == 1);
+  for (auto* const p : erased) f.m.changed(p);
+  f.m.begin();
+  std::size_t unread = 0;
+  for (const auto p : kept) unread += f.m.copy().points.entries[static_cast<std::size_t>(p.index)].read == 0 ? 1 : 0;
+  CHECK(unread == 0);
+  CHECK(differences(f.m) == 0);
+}
+
 TEST_CASE("reports that nobody hears do not pile up: too many, or one that everything changed, stand for all") {
   using reports_type = turbomap::mirror_reports<pointer_map>;
   reports_type reports;

@@ -74,12 +74,12 @@ class map_mirror {
   }
   /// Makes room for what a keyframe brings. The user's map is not read, so no guard is needed. Throws std::bad_alloc.
   void keep_room() { copy_.points.keep_room(); }
-  /// Before a keyframe is processed: numbers of merged points are free again, names of what is gone are let go, and what was
-  /// reported is heard.
+  /// Before a keyframe is processed: what was reported is heard, numbers of merged points are free again, and names of what is gone
+  /// are let go. In this order: what commits have found dead is mostly reported as well, and is known until its number is free.
   void begin() {
-    copy_.points.free_merged();
-    copy_.keyframes.drop_names();
+    copy_.keyframes.drop_names();  // those of what is lost now stay until the next call
     hear();
+    copy_.points.free_merged();
   }
   /// What was reported is to be read anew.
   void hear() {
@@ -89,10 +89,10 @@ class map_mirror {
       list_of<user_point> lost;  // dead points that the mirror does not know by their id
       for (const user_point& p : reported.points) {
         const point known = number(p);
-        if (known.index == map_copy<Map>::gone)
-          lost.push_back(p);
-        else
+        if (known.index != map_copy<Map>::gone)
           forget(known);
+        else if (!copy_.knows_dead(p))
+          lost.push_back(p);
       }
       if (!lost.empty()) forget_named(lost);
       for (const user_keyframe& k : reported.keyframes) read_again(number(k));

@@ -70,6 +70,11 @@ class mirror_objects {
                       keyframes[at(before)].id == user_traits::id(map_, name);
     return same ? before : number(name);
   }
+  /// Whether a point that is not alive was found so before, and its number is not free yet.
+  bool knows_dead(const user_point& name) const {
+    const std::int32_t known = points.find(user_traits::id(map_, name));
+    return known != id_numbers::none && !points.alive(known) && points.names[static_cast<std::size_t>(known)] == name;
+  }
   /// What the user calls a keyframe.
   const user_keyframe& name(keyframe k) const { return keyframes[k.index < 0 ? gone : at(k)].name; }
   /// What the user calls a point.
