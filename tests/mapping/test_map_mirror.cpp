@@ -727,7 +727,8 @@ TEST_CASE("many points are reported whose places others have already: all of the
   for (const auto p : mine) CHECK_FALSE(traits::alive(mirror, p));
 }
 
-TEST_CASE("points that a commit has found dead and that are reported afterwards are no reason to read everything anew") {
+TEST_CASE(
+    "points that a commit has found dead and that are reported afterwards are no reason to read everything anew") {
   furnished f(9);
   std::vector<pointer_point*> erased;
   std::vector<turbomap::map_point_id> kept;
@@ -752,6 +753,31 @@ TEST_CASE("points that a commit has found dead and that are reported afterwards 
   for (const auto p : kept) unread += f.m.copy().points.entries[static_cast<std::size_t>(p.index)].read == 0 ? 1 : 0;
   CHECK(unread == 0);
   CHECK(differences(f.m) == 0);
+}
+
+TEST_CASE(
+    "an unreported change of a keyframe is found within as many calls as the map has keyframes, however many were "
+    "erased") {
+  mirrored_pointer_map m;
+  add_seen_point(m, 40, 40);
+  for (auto& k : m.objects.keyframes) REQUIRE(traits::alive(m, m.number(&k)));  // all are read
+  for (auto& k : m.objects.keyframes) {
+    if (k.id % 10 == 5) continue;  // four stay
+    turbomap::erase_keyframe(m.objects, &k);
+    m.removed(k.id);
+  }
+  m.changed(&m.objects.points[0]);
+  m.begin();
+  for (const std::size_t moved : {5U, 35U, 15U}) {
+    CAPTURE(moved);
+    m.objects.keyframes[moved].T_cw.tx += 1;
+    std::size_t healed = 0;
+    for (int n = 0; n < 4; ++n) healed += m.check_sample(1e-9);
+    CHECK(healed == 1);
+  }
+  for (auto& k : m.objects.keyframes)
+    if (!k.bad) turbomap::erase_keyframe(m.objects, &k), m.removed(k.id);
+  CHECK(m.check_sample(1e-9) == 0);  // nobody is left to look at
 }
 
 TEST_CASE("reports that nobody hears do not pile up: too many, or one that everything changed, stand for all") {

@@ -77,9 +77,11 @@ class mirror_sample {
   }
   std::size_t check_keyframe(map_copy<Map>& copy) {
     auto& keyframes = copy.keyframes;
-    if (keyframes.size() <= 1) return 0;
-    keyframe_ = keyframe_ + 1 < keyframes.size() ? keyframe_ + 1 : 1;
-    if (!keyframes.alive(static_cast<std::int32_t>(keyframe_))) return 0;
+    std::size_t left = keyframes.size() - 1;  // places of keyframes that others erased may be most of them
+    do {
+      if (left-- == 0) return 0;
+      keyframe_ = keyframe_ + 1 < keyframes.size() ? keyframe_ + 1 : 1;
+    } while (!keyframes.alive(static_cast<std::int32_t>(keyframe_)));
     if (keyframes[keyframe_].read != 0) return copy.read_keyframe(keyframe_, false) ? 1 : 0;
     if (!map_traits<Map>::alive(copy.map(), keyframes[keyframe_].name)) copy.lose_keyframe(keyframe_);
     return 0;
