@@ -172,9 +172,11 @@ class map_copy : public mirror_objects<Map> {
   void lose_keyframe(std::size_t k) {
     for (const point p : keyframes[k].slots) forget(p);
     if (keyframes[k].read == 0) {  // its slots do not tell who lists it
-      for (std::size_t p = 1; p < points.size(); ++p)
+      for (std::size_t p = 1; p < points.size(); ++p) {
+        if (points.entries[p].read == 0) continue;  // after forget_all(), nearly all: their lists are read anew anyway
         for (const observation& o : points.lists.of(p))
           if (o.keyframe == static_cast<std::int32_t>(k)) points.entries[p].read = 0;
+      }
     }
     keyframes.retire(k);
   }
