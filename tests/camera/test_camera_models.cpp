@@ -308,6 +308,29 @@ TEST_CASE("Kannala-Brandt: any polynomial, usual or absurd: the least angle, or 
   CHECK(unnoticed <= 1);  // a fold and unfold between two samples of first_fold(); no lens does that
 }
 
+TEST_CASE_TEMPLATE("Kannala-Brandt: every ray that has a pixel comes back", S, double, strict<double>) {
+  const auto comes_back = [](const kannala_brandt<double>& camera, double theta) {
+    const vec3<double> p{std::sin(theta), 0, std::cos(theta)};
+    vec2<S> pixel{};
+    vec3<S> ray{};
+    if (!camera.project(cast<S>(p), pixel)) return true;
+    return camera.unproject(pixel, ray) && norm(plain(ray) - p) < 1e-9;
+  };
+  // Newton's method goes to and fro between two angles for these.
+  CHECK(comes_back({300, 300, 320, 240, 0.0021098, 0.0923170, -0.0048731, -0.0142305}, 1.29952));
+  CHECK(comes_back({300, 300, 320, 240, 0.145943, 0.0101074, 0.0211559, -0.0148192}, 1.23176));
+  std::mt19937 random(13);
+  const auto uniform = [&](double limit) { return std::uniform_real_distribution<double>(-limit, limit)(random); };
+  int lost = 0;
+  for (int i = 0; i < 1000000; ++i) {
+    const kannala_brandt<double> camera{300, 300, 320, 240, uniform(0.2), uniform(0.1), uniform(0.05), uniform(0.02)};
+    const detail::radial_polynomial<double> d{camera.k1, camera.k2, camera.k3, camera.k4};
+    const double theta = 1.55 + uniform(1.55);
+    if (d.slope(theta * theta) > 0.01) lost += comes_back(camera, theta) ? 0 : 1;
+  }
+  CHECK(lost == 0);
+}
+
 TEST_CASE("Brown-Conrady: no ray for a pixel beyond the fold, none behind") {
   const brown_conrady<double> camera{400, 400, 320, 240, -0.3,
                                      0,   0,   0,   0};  // r - 0.3 r^3 rises until r = 1.054, to 0.703

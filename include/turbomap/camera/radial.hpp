@@ -74,11 +74,14 @@ struct radial_polynomial {
     return error <= tolerance * y && -error <= tolerance * y && !(first_fold(z) > S(0));
   }
 
-  /// Solves d(r) = y for the least r in [0, end], y >= 0, by Newton's method kept inside a bracket that shrinks. What
-  /// comes out is to be checked by the caller: the end of the bracket when there is no solution.
+  /// Solves d(r) = y for the least r in [0, end], y >= 0, by Newton's method kept inside a bracket that shrinks, and by
+  /// bisection where its steps do not shrink. What comes out is to be checked by the caller: the end of the bracket when
+  /// there is no solution.
   TURBOMAP_HD S solve(const S& y, const S& end) const {
     const S tolerance(2 * epsilon<S>::value);
-    S low(0), high = end, r = y < end ? y : end;
+    // By then Newton's method is there, or within a thousandth for rounding; else it goes to and fro inside of the bracket.
+    constexpr int usual = 10;
+    S low(0), high = end, r = y < end ? y : end, last = end;
     for (int i = 0; i < 60; ++i) {  // bisection alone would need 53
       const S z = r * r, rise = slope(z), error = r * factor(z) - y;
       const bool rising = rise > S(0);
@@ -87,10 +90,13 @@ struct radial_polynomial {
       else
         low = r;
       S next = rising ? r - error / rise : low;
-      if (!rising || !(next >= low && next <= high)) next = S(0.5) * (low + high);
+      const S half = S(0.5) * last, near = S(1e-3) * r, longest = half > near ? half : near;
+      const bool to_and_fro = i >= usual && (next - r > longest || r - next > longest);
+      if (!rising || to_and_fro || !(next >= low && next <= high)) next = S(0.5) * (low + high);
       const S step = next - r;
       r = next;
       if (step <= tolerance * r && -step <= tolerance * r) break;
+      last = step < S(0) ? -step : step;
     }
     return r;
   }
