@@ -344,6 +344,41 @@ TEST_CASE("Brown-Conrady: no ray for a pixel beyond the fold, none behind") {
   CHECK(camera.min_pixels_per_radian(image) == 0);
 }
 
+TEST_CASE_TEMPLATE("Brown-Conrady: every ray before the fold comes back, however strong the distortion", S, double,
+                   strict<double>) {
+  // How much less than the ideal image's an area of the image is; <= 0 at and beyond the fold.
+  const auto determinant = [](const brown_conrady<double>& camera, double x, double y) {
+    mat23<double> d{};
+    if (!camera.jacobian(vec3<double>{x, y, 1}, d)) return -1.0;
+    return (d(0, 0) * d(1, 1) - d(0, 1) * d(1, 0)) / (camera.fx * camera.fy);
+  };
+  const auto comes_back = [](const brown_conrady<double>& camera, double x, double y) {
+    const vec3<S> p{S(x), S(y), S(1)};
+    vec2<S> pixel{};
+    vec3<S> ray{};
+    return camera.project(p, pixel) && camera.unproject(pixel, ray) &&
+           norm(plain(ray) - (1 / norm(plain(p))) * plain(p)) < 1e-9;
+  };
+  // Defined out to 62 degrees; from 50.6 degrees on the distorted point lies beyond the fold.
+  const brown_conrady<double> pincushion{500, 500, 640, 480, 0.5, -0.1, 0, 0, 0};
+  for (double degrees = 1; degrees < 62; ++degrees) CHECK(comes_back(pincushion, std::tan(degrees * 0.0174533), 0));
+  std::mt19937 random(14);
+  const auto uniform = [&](double limit) { return std::uniform_real_distribution<double>(-limit, limit)(random); };
+  int rays = 0, lost = 0;
+  for (int i = 0; i < 40000; ++i) {
+    const brown_conrady<double> camera{500,          480,           320,           240,         uniform(0.5),
+                                       uniform(0.5), uniform(0.01), uniform(0.01), uniform(0.3)};
+    const double r = std::tan(0.7 + uniform(0.7)), turn = uniform(3.1416), x = r * std::cos(turn),
+                 y = r * std::sin(turn);
+    bool before_fold = true;
+    for (int k = 1; k <= 100 && before_fold; ++k) before_fold = determinant(camera, x * k / 100, y * k / 100) > 0.02;
+    if (!before_fold) continue;
+    ++rays, lost += comes_back(camera, x, y) ? 0 : 1;
+  }
+  CHECK(rays > 20000);
+  CHECK(lost == 0);
+}
+
 TEST_CASE("double sphere: beyond 180 degrees, and the end of the image circle") {
   const auto camera = example<double_sphere<double>>();
   const vec3<double> p{std::sin(1.65), 0, std::cos(1.65)};

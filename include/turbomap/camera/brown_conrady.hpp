@@ -15,7 +15,8 @@ namespace turbomap {
 
 /// With a = x/z, b = y/z, r^2 = a^2 + b^2 and g = 1 + k1 r^2 + k2 r^4 + k3 r^6:
 /// u = fx (a g + 2 p1 a b + p2 (r^2 + 2 a^2)) + cx, v = fy (b g + p1 (r^2 + 2 b^2) + 2 p2 a b) + cy.
-/// Not defined behind the camera, z <= 0, nor beyond the radius where r g stops rising.
+/// Not defined behind the camera, z <= 0, nor beyond the radius where r g stops rising. Tangential terms may fold the
+/// image a little before that: it is not looked for, since every projection would have to derive.
 template <class T>
 struct brown_conrady {
   using scalar = T;  ///< of the parameters.
@@ -50,21 +51,37 @@ struct brown_conrady {
     // numbers.
     const S unit(detail::epsilon<S>::value), size = S(1) + goal.x * goal.x + goal.y * goal.y;
     const S small = S(16) * unit * unit * size, acceptable = S(4096) * unit * unit * size;
+    // From the pixel itself, which is near for any usual lens. A strong distortion may put it beyond the fold though its
+    // ray is not: then from the solution without tangential terms, with steps that do not lead over the fold.
     vec2<S> ideal = goal;
-    S residual(0);
-    for (int i = 0; i < 30; ++i) {
-      const vec2<S> d = distort(ideal);
-      const vec2<S> e{d.x - goal.x, d.y - goal.y};
-      S a, b, c;  // the symmetric Jacobian [a b; b c]
-      distortion_jacobian(ideal, a, b, c);
-      const S determinant = a * c - b * b;
-      residual = e.x * e.x + e.y * e.y;
-      if (!(determinant > S(0))) return false;
-      ideal = {ideal.x - (c * e.x - b * e.y) / determinant, ideal.y - (a * e.y - b * e.x) / determinant};
-      if (residual <= small) break;
+    S r2(0);
+    bool found = false;
+    for (int start = 0; start < 2 && !found; ++start) {
+      const bool careful = start == 1;
+      if (careful) ideal = radial_solution(goal);
+      vec2<S> before{S(0), S(0)};  // the axis, which is within the fold
+      S residual(0);
+      for (int i = 0; i < (careful ? 60 : 30); ++i) {
+        const vec2<S> d = distort(ideal);
+        const vec2<S> e{d.x - goal.x, d.y - goal.y};
+        S a, b, c;  // the symmetric Jacobian [a b; b c]
+        distortion_jacobian(ideal, a, b, c);
+        const S determinant = a * c - b * b;
+        residual = e.x * e.x + e.y * e.y;
+        if (!(determinant > S(0)) || (careful && !(a + c > S(0)))) {
+          residual = S(1e30);  // it is none of a solution
+          if (!careful) break;
+          ideal = {S(0.5) * (before.x + ideal.x), S(0.5) * (before.y + ideal.y)};
+          continue;
+        }
+        before = ideal;
+        ideal = {ideal.x - (c * e.x - b * e.y) / determinant, ideal.y - (a * e.y - b * e.x) / determinant};
+        if (residual <= small) break;
+      }
+      r2 = ideal.x * ideal.x + ideal.y * ideal.y;
+      found = residual <= acceptable && !(radial<S>().first_fold(r2) > S(0));
     }
-    const S r2 = ideal.x * ideal.x + ideal.y * ideal.y;
-    if (!(residual <= acceptable) || radial<S>().first_fold(r2) > S(0)) return false;
+    if (!found) return false;
     const S length = sqrt(r2 + S(1));
     bearing = {ideal.x / length, ideal.y / length, S(1) / length};
     return true;
@@ -112,6 +129,19 @@ struct brown_conrady {
   TURBOMAP_HD vec2<S> distort(const vec2<S>& i) const {
     const S aa = i.x * i.x, bb = i.y * i.y, ab2 = S(2) * (i.x * i.y), r2 = aa + bb, g = radial<S>().factor(r2);
     return {i.x * g + (S(p1) * ab2 + S(p2) * (r2 + S(2) * aa)), i.y * g + (S(p1) * (r2 + S(2) * bb) + S(p2) * ab2)};
+  }
+
+  /// About the ideal point of a distorted one: the tangential terms are left out.
+  template <class S, class = detail::this_target>
+  TURBOMAP_HD vec2<S> radial_solution(const vec2<S>& distorted) const {
+    using std::sqrt;
+    const detail::radial_polynomial<S> d = radial<S>();
+    const S goal = sqrt(distorted.x * distorted.x + distorted.y * distorted.y);
+    S r = d.solve(goal, S(100));  // 89.4 degrees off the axis
+    const S fold = d.first_fold(r * r);
+    if (fold > S(0)) r = d.solve(goal, sqrt(fold));
+    const S scale = r / goal;
+    return {scale * distorted.x, scale * distorted.y};
   }
 
   /// d distort = [a b; b c].
