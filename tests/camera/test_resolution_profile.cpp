@@ -102,6 +102,80 @@ TEST_CASE("Brown-Conrady") {
   check(c, {0, 0, 752, 480}, true);
 }
 
+/// Pixels per radian at a pixel, in the direction where they are fewest: by differences, without the model's derivative. Negative:
+/// it has no ray. \param cosine  of the angle between its ray and the optical axis
+template <class Camera>
+double resolution_at(const Camera& camera, const turbomap::vec2<double>& pixel, double& cosine) {
+  constexpr double step = 1e-3;  // px
+  const turbomap::vec2<double> steps[2] = {{step, 0}, {0, step}};
+  turbomap::vec3<double> r{}, slope[2];
+  if (!camera.unproject(pixel, r)) return -1;
+  cosine = r.z;
+  for (int i = 0; i < 2; ++i) {
+    turbomap::vec3<double> a{}, b{};
+    if (!camera.unproject(turbomap::vec2<double>{pixel.x + steps[i].x, pixel.y + steps[i].y}, a) ||
+        !camera.unproject(turbomap::vec2<double>{pixel.x - steps[i].x, pixel.y - steps[i].y}, b))
+      return -1;
+    slope[i] = {(a.x - b.x) / (2 * step), (a.y - b.y) / (2 * step), (a.z - b.z) / (2 * step)};
+  }
+  const auto dot = [](const auto& a, const auto& b) { return a.x * b.x + a.y * b.y + a.z * b.z; };
+  const double p = dot(slope[0], slope[0]), q = dot(slope[0], slope[1]), s = dot(slope[1], slope[1]);
+  return 1 / std::sqrt((p + s + std::hypot(p - s, 2 * q)) / 2);
+}
+
+TEST_CASE("a lower bound everywhere, for lenses of any distortion, also where the image folds just beyond its border") {
+  std::mt19937 random(3);
+  const auto uniform = [&](double a, double b) { return std::uniform_real_distribution<double>(a, b)(random); };
+  int pixels = 0, above = 0, above_least = 0;
+  const auto count = [&](const auto& camera, const turbomap::image_bounds& image) {
+    const resolution_profile profile = turbomap::measure_resolution(camera, image);
+    if (!profile.known()) return;
+    const double least = turbomap::min_pixels_per_radian(camera, image);
+    for (int i = 0; i < 400; ++i) {
+      turbomap::vec2<double> pixel{uniform(image.min_x, image.max_x), uniform(image.min_y, image.max_y)};
+      if (i % 4 == 0) pixel.x = i % 8 == 0 ? image.min_x : image.max_x;
+      if (i % 4 == 1) pixel.y = i % 8 == 1 ? image.min_y : image.max_y;
+      double cosine = 1;
+      const double here = resolution_at(camera, pixel, cosine) * (1 + 1e-6);
+      if (here < 0) continue;
+      ++pixels, above += profile.at(static_cast<float>(cosine)) > here ? 1 : 0, above_least += least > here ? 1 : 0;
+    }
+  };
+  for (int i = 0; i < 500; ++i) {
+    const double w = uniform(300, 900), h = uniform(300, 900), f = uniform(150, 400), g = f * uniform(0.9, 1.1);
+    const double x = w / 2 + uniform(-60, 60), y = h / 2 + uniform(-60, 60);
+    const turbomap::image_bounds image{0, 0, static_cast<float>(w), static_cast<float>(h)};
+    turbomap::kannala_brandt<double> fish{
+        f, g, x, y, uniform(-0.1, 0.1), uniform(-0.05, 0.05), uniform(-0.02, 0.02), uniform(-0.004, 0.004)};
+    count(fish, image);
+    fish.cx += uniform(-500, 500);  // a small image beside the axis
+    count(fish, {0, 0, image.max_x * 0.3F, image.max_y * 0.3F});
+    count(turbomap::double_sphere<double>{f, g, x, y, uniform(-0.3, 0.9), uniform(0.3, 0.8)}, image);
+    for (const double k : {0.3, 0.6})  // most fold within the image, and have no bound
+      count(turbomap::brown_conrady<double>{1.6 * f, 1.6 * g, x, y, uniform(-k, k), uniform(-k / 2, k / 2),
+                                            uniform(-0.005, 0.005), uniform(-0.005, 0.005), uniform(-0.05, 0.05)},
+            image);
+  }
+  CHECK(pixels > 200000);
+  CHECK(above == 0);
+  CHECK(above_least == 0);
+}
+
+TEST_CASE("the least resolution of an image that ends just before the fold") {
+  // Between two samples of a grid it falls far below both.
+  const turbomap::brown_conrady<double> lens{492, 492, 532, 557, 0.1196, -0.0685, -0.0061, -0.009, 0.0071};
+  const turbomap::image_bounds image{0, 0, 1064, 1114};
+  const double bound = lens.min_pixels_per_radian(image);
+  double least = 1e9, cosine = 0;
+  for (double u = -16; u <= 1080; u += 0.25)
+    for (const double v : {-15.9, 1129.9}) {
+      const double here = resolution_at(lens, {u, v}, cosine);
+      if (here > 0) least = std::min(least, here);
+    }
+  CHECK(least < 60);
+  CHECK(bound <= least);
+}
+
 TEST_CASE("what does not say is unknown") {
   const turbomap::image_bounds image{0, 0, 640, 480};
   const auto own = turbomap::measure_resolution(equisolid_camera{}, image);

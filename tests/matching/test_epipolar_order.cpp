@@ -356,6 +356,37 @@ TEST_CASE("ordered equals exhaustive: other models") {
   fuzz(brown_conrady_rig(), 11000, 400);
   fuzz(equisolid_rig(), 12000, 100);
 }
+TEST_CASE("ordered equals exhaustive: a lens that folds just beyond its image") {
+  const turbomap::brown_conrady<float> lens{298.2647F, 282.9152F, 111.63F,  279.46F, -0.15547F,
+                                            -0.08125F, 0.00199F,  0.00300F, 0.02911F};
+  test_rig<turbomap::brown_conrady<float>> rig{{{lens, {}, 0, {}}}, {0, 0, 311, 644}};
+  rig.cameras[0].resolution = turbomap::measure_resolution(lens, rig.bounds);
+  turbomap::context<sequential> ctx{};
+  turbomap::correspondences<orb, turbomap::brown_conrady<float>, sequential> exhaustive(ctx), ordered(ctx);
+  std::size_t matches = 0;
+  int different = 0;
+  for (unsigned round = 0; round < 400; ++round) {
+    scene_recipe recipe;
+    recipe.seed = 1000 + round, recipe.how = round % 5 == 0 ? motion::anything : every_motion[round % 3];
+    recipe.neighbours = 2, recipe.query_keypoints = recipe.neighbour_keypoints = 300;
+    recipe.levels = 8, recipe.scale_factor = 1.2F, recipe.noise = 10;
+    recipe.at_epipole = 0.02, recipe.mapped = 0, recipe.prototypes = 60;
+    scene<orb, turbomap::brown_conrady<float>> s(rig, recipe);
+    search_options options;
+    options.scales = s.scales();
+    const auto neighbours = s.neighbours();
+    const turbomap::span<const turbomap::posed_keyframe<orb, turbomap::brown_conrady<float>>> all(neighbours);
+    options.candidate_set = turbomap::candidates::exhaustive;
+    turbomap::search_correspondences(ctx, s.query(), all, options, exhaustive);
+    options.candidate_set = turbomap::candidates::epipolar_ordered;
+    turbomap::search_correspondences(ctx, s.query(), all, options, ordered);
+    const auto expected = exhaustive.plan(ctx);
+    matches += expected.size();
+    different += same(ordered.plan(ctx), expected) ? 0 : 1;
+  }
+  CHECK(different == 0);
+  CHECK(matches > 50000);
+}
 TEST_CASE("windows of more candidates than are listed at once") {
   // Where a keypoint may be off by as much as one likes, every plane is unbounded: a window holds all candidates.
   for (unsigned seed = 0; seed < 4; ++seed) {

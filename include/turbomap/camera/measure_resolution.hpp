@@ -7,17 +7,21 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "../config.hpp"
 #include "../types.hpp"
 #include "camera_concept.hpp"
 #include "resolution_profile.hpp"
+#include "resolution_rings.hpp"
+#include "sampled_resolution.hpp"
 
 namespace turbomap {
 
-/// Measures a camera by its Jacobian, at 9 angles per entry and 64 directions around the axis, so that a small image far from
-/// the axis has several too; 5 % are taken off for what lies between the samples, and no entry is below
-/// min_pixels_per_radian(). At most a millisecond or two: once per rig.
+/// Measures a camera by its Jacobian: a degree apart in 64 directions around the axis, and at 1024 pixels along the border of
+/// what is seen, where the resolution of many a lens falls fastest. For what lies between the samples 3 % are taken off, 1 %
+/// along the border, or more where neighbours differ by more; no entry is below min_pixels_per_radian(). A millisecond or
+/// two, and ten where the image folds just beyond its border: once per rig.
 template <class Camera, class = detail::this_target>
 resolution_profile measure_resolution(const Camera& camera, const image_bounds& bounds) {
   resolution_profile profile;
@@ -25,37 +29,43 @@ resolution_profile measure_resolution(const Camera& camera, const image_bounds& 
   for (float& p : profile.pixels_per_radian) p = static_cast<float>(least);
   if constexpr (has_jacobian_v<Camera>) {
     if (!(least > 0)) return profile;
-    constexpr double pi = 3.141592653589793;
-    constexpr int angles = 8, directions = 64;
-    const double reach = resolution_profile::margin / least;
-    vec2<double> around[directions];
-    for (int d = 0; d < directions; ++d)
-      around[d] = {std::cos(2 * pi * d / directions), std::sin(2 * pi * d / directions)};
-    for (int i = 0; i < resolution_profile::entries; ++i) {
-      const double from = std::max(std::acos(1 - i / 16.0) - reach, 0.0);
-      const double to = std::min(std::acos(1 - (i + 1) / 16.0) + reach, pi);
-      double smallest = HUGE_VAL;
-      for (int a = 0; a <= angles; ++a) {
-        const double theta = from + (to - from) * a / angles, across = std::sin(theta), along = std::cos(theta);
-        for (const vec2<double>& direction : around) {
-          const vec3<double> ray{across * direction.x, across * direction.y, along};
-          vec2<double> pixel;
-          if (!camera.project(ray, pixel)) continue;
-          const double m = resolution_profile::margin;
-          if (pixel.x < bounds.min_x - m || pixel.x > bounds.max_x + m || pixel.y < bounds.min_y - m ||
-              pixel.y > bounds.max_y + m)
-            continue;  // no keypoint is there
-          mat23<double> J;
-          if (!camera.jacobian(ray, J)) continue;
-          const double p = J(0, 0) * J(0, 0) + J(0, 1) * J(0, 1) + J(0, 2) * J(0, 2);
-          const double q = J(0, 0) * J(1, 0) + J(0, 1) * J(1, 1) + J(0, 2) * J(1, 2);
-          const double r = J(1, 0) * J(1, 0) + J(1, 1) * J(1, 1) + J(1, 2) * J(1, 2);
-          smallest = std::min(smallest, (p + r - std::hypot(p - r, 2 * q)) / 2);
-        }
+    constexpr double pi = 3.141592653589793, m = resolution_profile::margin, nothing = -1;
+    constexpr int directions = 64, steps = 256;
+    const vec2<double> low{bounds.min_x - m, bounds.min_y - m}, high{bounds.max_x + m, bounds.max_y + m};
+    const auto inside = [&](const vec2<double>& p) {
+      return p.x >= low.x && p.x <= high.x && p.y >= low.y && p.y <= high.y;
+    };
+    detail::resolution_rings rings(m / least);
+    const std::vector<double> angles = rings.angles();
+    std::vector<detail::resolution_rings::sample> path;
+    for (int d = 0; d < directions; ++d) {
+      const double x = std::cos(2 * pi * d / directions), y = std::sin(2 * pi * d / directions);
+      path.clear();
+      for (const double theta : angles) {
+        const vec3<double> ray{std::sin(theta) * x, std::sin(theta) * y, std::cos(theta)};
+        vec2<double> pixel;
+        double squared = nothing;
+        if (camera.project(ray, pixel) && inside(pixel)) detail::squared_resolution(camera, ray, squared);
+        path.push_back({theta, squared});
       }
-      if (smallest < HUGE_VAL && smallest > 0)
-        profile.pixels_per_radian[i] = static_cast<float>(std::max(least, 0.95 * std::sqrt(smallest)));
+      rings.add(path, 0.03);
     }
+    const vec2<double> corners[5] = {low, {high.x, low.y}, high, {low.x, high.y}, low};
+    for (int side = 0; side < 4; ++side) {
+      const vec2<double> a = corners[side], b = corners[side + 1];
+      path.clear();
+      for (int s = 0; s <= steps; ++s) {
+        const double t = s / double{steps};
+        vec3<double> ray;
+        double squared;
+        if (camera.unproject(vec2<double>{a.x + (b.x - a.x) * t, a.y + (b.y - a.y) * t}, ray) &&
+            detail::squared_resolution(camera, ray, squared))
+          path.push_back({std::atan2(std::hypot(ray.x, ray.y), ray.z), squared});
+      }
+      rings.add(path, 0.01);
+    }
+    for (int i = 0; i < resolution_profile::entries; ++i)
+      if (rings.bound(i) < HUGE_VAL) profile.pixels_per_radian[i] = static_cast<float>(std::max(least, rings.bound(i)));
   }
   return profile;
 }
