@@ -65,7 +65,7 @@ resolution_profile measure_resolution(const Camera& camera, const image_bounds& 
       rings.add(path, 0.01);
     }
     for (int i = 0; i < resolution_profile::entries; ++i)
-      if (rings.bound(i) < HUGE_VAL) profile.pixels_per_radian[i] = static_cast<float>(std::max(least, rings.bound(i)));
+      if (rings.measured(i)) profile.pixels_per_radian[i] = static_cast<float>(std::max(least, rings.bound(i)));
   }
   return profile;
 }

@@ -27,7 +27,7 @@ class resolution_rings {
     for (int i = 0; i < entries; ++i) {
       from_[i] = std::max(std::acos(1 - i / 16.0) - reach, 0.0);
       to_[i] = std::min(std::acos(1 - (i + 1) / 16.0) + reach, pi);
-      bound_[i] = HUGE_VAL;
+      bound_[i] = none;
     }
   }
 
@@ -40,14 +40,14 @@ class resolution_rings {
   /// a parabola is below the nearest sample by an eighth of that at most.)
   void add(const std::vector<sample>& path, double share) {
     const double squared_share = 1 - (1 - share) * (1 - share);
-    double before = HUGE_VAL;
+    double before = none;
     for (std::size_t k = 0; k < path.size(); ++k) {
       double less = squared_share * path[k].squared;
       for (const std::size_t beside : {k == 0 ? k : k - 1, k + 1 == path.size() ? k : k + 1})
         if (path[beside].squared >= 0) less = std::max(less, std::abs(path[k].squared - path[beside].squared) / 4);
-      const double here = path[k].squared < 0 ? HUGE_VAL : path[k].squared - less, least = std::min(before, here);
+      const double here = path[k].squared < 0 ? none : path[k].squared - less, least = std::min(before, here);
       before = here;
-      if (k == 0 || !(least < HUGE_VAL)) continue;
+      if (k == 0 || !(least < none)) continue;
       const double low = std::min(path[k - 1].angle, path[k].angle), high = std::max(path[k - 1].angle, path[k].angle);
       for (auto i = std::upper_bound(to_, to_ + entries, low) - to_; i < entries && from_[i] < high; ++i)
         bound_[i] = std::min(bound_[i], least);
@@ -63,11 +63,13 @@ class resolution_rings {
     result.erase(std::unique(result.begin(), result.end()), result.end());
     return result;
   }
-  /// Of entry i, px / rad; infinite: no sample is in it.
+  /// Whether a sample is in entry i.
+  bool measured(int i) const { return bound_[i] < none; }
+  /// Of entry i, px / rad.
   double bound(int i) const { return std::sqrt(std::max(bound_[i], 0.0)); }
 
  private:
-  static constexpr double pi = 3.141592653589793;
+  static constexpr double pi = 3.141592653589793, none = 1e300;
 
   double from_[entries], to_[entries], bound_[entries];
 };

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "../config.hpp"
+#include "../math/functions.hpp"
 #include "../types.hpp"
 
 TURBOMAP_BEGIN_NAMESPACE
@@ -91,8 +92,9 @@ double sampled_min_pixels_per_radian(const Camera& camera, const image_bounds& b
   std::vector<double> grid;
   for (int i = 0; i <= samples; ++i)
     for (int j = 0; j <= samples; ++j) {
-      grid.push_back(squared_resolution(camera, vec2<double>{x0 + j * dx, y0 + i * dy}));
-      if (!(grid.back() > 0)) return 0;
+      const double squared = squared_resolution(camera, vec2<double>{x0 + j * dx, y0 + i * dy});
+      if (!is_finite(squared) || !(squared > 0)) return 0;
+      grid.push_back(squared);
     }
   double least = safety * safety * *std::min_element(grid.begin(), grid.end());
   for (int i = 0; i < samples; ++i)
@@ -102,7 +104,7 @@ double sampled_min_pixels_per_radian(const Camera& camera, const image_bounds& b
       const resolution_cell cell{x0 + j * dx, y0 + i * dy, dx, dy, {{row[0], row[1]}, {next[0], next[1]}}};
       least = std::min(least, bound_by_parts(camera, cell, least, depth));
     }
-  return std::isfinite(least) ? std::sqrt(least) : 0;
+  return std::sqrt(least);
 }
 
 }  // namespace detail
