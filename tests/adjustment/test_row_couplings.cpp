@@ -153,6 +153,29 @@ double largest_difference(const std::vector<A>& a, const std::vector<A>& b) {
   return most / scale;
 }
 
+/// Axes of frames of which landmarks see V unknowns: nothing is written beyond what normal_equations takes for them.
+template <class A, int V>
+void check_room_of_axes() {
+  CAPTURE(V);
+  constexpr int frames = 3;
+  constexpr std::size_t room = 6 * turbomap::column_lanes<V> * frames, centres = turbomap::landmark_stride * frames;
+  const std::int32_t free_of_frame[frames] = {2, 0, 1};
+  std::vector<turbomap::isometry<double>> T(frames);
+  for (auto& x : T)
+    for (int i = 0; i < 9; ++i) x.R.m[i] = 7 + i;
+  constexpr int canary = -1;
+  std::vector<A> axes(room + 64, A(canary));
+  std::vector<double> centre(centres + 64, canary);
+  turbomap::launch_prepare_axes<V>(sequential{}, frames, free_of_frame, T.data(), nullptr, axes.data(), centre.data());
+  CHECK(std::count(axes.begin(), axes.begin() + room, A(canary)) == 0);
+  CHECK(std::count(axes.begin() + room, axes.end(), A(canary)) == 64);
+  CHECK(std::count(centre.begin() + centres, centre.end(), canary) == 64);
+}
+
+TEST_CASE_TEMPLATE("axes of frames stay within their room", A, double, float) {
+  check_room_of_axes<A, 6>(), check_room_of_axes<A, 7>(), check_room_of_axes<A, 9>(), check_room_of_axes<A, 15>();
+}
+
 TEST_CASE_TEMPLATE("couplings of rows are those of linearisation", A, double, float) {
   for (const auto kind : {scene_kind::mono, scene_kind::stereo, scene_kind::fisheye_rig})
     for (const bool hold : {false, true}) {

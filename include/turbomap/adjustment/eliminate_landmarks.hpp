@@ -118,8 +118,13 @@ struct eliminate_landmarks {
     multiply(w, f, z);
     // What a column's store leaves beyond it, the next column overwrites; the last one must not reach the next slot.
     A* const to = s.eliminated + static_cast<std::ptrdiff_t>(slot) * 3 * V;
-    z[0].store(to);
-    z[1].store(to + V);
+    if constexpr (column_lanes<V> <= 2 * V) {
+      z[0].store(to);
+      z[1].store(to + V);
+    } else {  // a column of one number: that store would reach the next slot, too
+      store_column(to, z[0]);
+      store_column(to + V, z[1]);
+    }
     store_column(to + 2 * V, z[2]);
   }
   /// The columns of a coupling by the factor of its landmark.
@@ -165,7 +170,6 @@ struct eliminate_landmarks {
     }
   }
 
-  static_assert(column_lanes<V> <= 2 * V);
   /// V numbers and none more: the next slot may be another thread's.
   TURBOMAP_HD static void store_column(A* to, const pack<A, column_lanes<V>>& column) {
     A lanes[column_lanes<V>];

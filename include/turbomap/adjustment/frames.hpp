@@ -7,7 +7,7 @@
 ///
 ///     struct my_frame {
 ///       static constexpr int dof = 15;           // unknowns of a frame: the size of its block
-///       static constexpr int landmark_dof = 6;   // factors with landmarks depend on the first so many of them
+///       static constexpr int landmark_dof = 6;   // factors with landmarks depend on the first so many of them: 1 to dof
 ///       template <class S> struct state { ... }; // trivially copyable for S = double
 ///       template <class S> TURBOMAP_HD static state<S> retract(const state<double>& x, const S* step);
 ///       template <class S> TURBOMAP_HD static rigid_transform<S> pose(const state<S>& x);   // T_cw, for reprojections

@@ -42,7 +42,8 @@ class basic_bundle_problem {
   /// The problem as solvers read it.
   using data_type = problem_data<Memory, Frame, Groups...>;
   static_assert(std::is_trivially_copyable_v<state>, "turbomap: the state of a frame must be trivially copyable");
-  static_assert(Frame::landmark_dof <= Frame::dof);
+  static_assert(Frame::landmark_dof >= 1 && Frame::landmark_dof <= Frame::dof,
+                "turbomap: landmark_dof of a frame is 1 to its dof, also where no factor has landmarks");
 
   /// \param ctx  whose memory resource it uses; give the same context to every call
   template <class Policy>

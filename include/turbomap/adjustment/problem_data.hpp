@@ -74,8 +74,10 @@ struct problem_data {
   using frame = FrameType;                                  ///< kind of frame
   static constexpr int dof = frame::dof;                    ///< unknowns of a frame
   static constexpr int landmark_dof = frame::landmark_dof;  ///< of which landmarks depend on the first so many
-  /// Whether no group of the user's own has landmarks: couplings can then be made of rows.
-  static constexpr bool reprojections_only = !(resident_group<Groups, frame, Memory>::own_landmark_factors || ...);
+  /// Whether no group of the user's own has landmarks: couplings can then be made of rows. Of frames with a pose, which
+  /// reprojections need: a problem without landmarks may have others.
+  static constexpr bool reprojections_only =
+      landmark_dof >= 6 && !(resident_group<Groups, frame, Memory>::own_landmark_factors || ...);
 
   /// Whether the policy makes the lists of observations, where they are not too long: see order_observations.hpp.
   /// Of one group with landmarks, the first, which is reprojections.

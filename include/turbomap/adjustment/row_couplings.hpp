@@ -22,6 +22,8 @@ TURBOMAP_BEGIN_NAMESPACE
 /// Index = frame: the columns of its rotation, as packs of couplings need them, and its centre.
 template <class A, int V>
 struct prepare_axes {
+  static_assert(V >= 6,
+                "turbomap: couplings are made of rows where a frame's first six unknowns are those of its pose");
   static constexpr int lanes = column_lanes<V>;  ///< numbers of a column
   const std::int32_t* free_of_frame;             ///< [frame] number among the free frames; -1: fixed
   const isometry<double>* T_bw;                  ///< [frame] world to body
