@@ -156,6 +156,46 @@ TEST_CASE("where a projection is not defined: no number that is not finite") {
   check(example<brown_conrady<double>>(), {0, 0, 0, 0, 1, 1, 0, 0});
 }
 
+/// Its derivative on the axis is 0 / 0.
+struct kinked_camera {
+  using scalar = double;
+  template <class S>
+  bool project(const vec3<S>& p, vec2<S>& pixel) const {
+    using std::atan2;
+    using std::sqrt;
+    const S r = sqrt(p.x * p.x + p.y * p.y), scale = r > S(0) ? atan2(r, p.z) / r : S(1) / p.z + S(0) * r;
+    pixel.x = S(300) * scale * p.x, pixel.y = S(300) * scale * p.y;
+    return p.z > S(0);
+  }
+  template <class S>
+  bool unproject(const vec2<S>&, vec3<S>&) const {
+    return false;
+  }
+};
+
+TEST_CASE("where a derivative is not finite: the row of a pass without derivatives, and zeros for derivatives") {
+  const std::vector<vec3<double>> points{{1, 1, 2}, {0, 0, 3}, {1, 0, 4},  {0, 0, 1},
+                                         {2, 1, 5}, {1, 2, 3}, {0, 0, -1}, {0, 1, 2}};
+  const std::vector<vec3<double>> measured(8, {30, 20, 10});
+  const adjustment_camera<kinked_camera> camera({kinked_camera{}, {}, 40, {}}, 0.5);
+  lane_reprojection<double, double, N> with, without;
+  with.template compute<true, true>(camera, load<double>(points), load<double>(measured));
+  without.template compute<false, true>(camera, load<double>(points), load<double>(measured));
+  CHECK(lanes(with.defined) == std::vector<double>{1, 1, 1, 1, 1, 1, 0, 1});
+  CHECK(lanes(without.defined) == lanes(with.defined));
+  for (int k = 0; k < 3; ++k) {
+    CHECK(lanes(with.e[k]) == lanes(without.e[k]));
+    for (std::size_t l = 0; l < N; ++l) {
+      double square = 0;
+      for (int i = 0; i < 3; ++i) square += lanes(with.d[k][i])[l] * lanes(with.d[k][i])[l];
+      if (points[l].x == 0 && points[l].y == 0)
+        CHECK(square == 0);
+      else
+        CHECK(square > 0);
+    }
+  }
+}
+
 /// chi2 in other places of a pack, on either side of delta^2.
 TEST_CASE("kernels: packs as one by one, derivative of rho, values known") {
   const auto check = [](const auto& kernel) {

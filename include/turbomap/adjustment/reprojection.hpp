@@ -46,6 +46,7 @@ struct lane_reprojection {
                            const vec3<pack<G, N>>& measured) {
     const vec3<pack<G, N>> p = c.is_body ? body : transform(c.T_camera_body, body);
     pack<G, N> z = p.z;
+    bool lost = false;
     // One branch is chosen by the type, one by data. NOLINTNEXTLINE(bugprone-branch-clone)
     if constexpr (is_pinhole_v<Camera>) {
       straight<Derivative>(c, p, measured, z);
@@ -55,7 +56,7 @@ struct lane_reprojection {
       bool done = false;
       if constexpr (N > 1 && may_be_kannala_brandt_v<Camera>)
         done = c.round && round<Derivative>(c.fisheye, static_cast<G>(c.nearest), p, measured);
-      if (!done) curved<Derivative>(c, p, measured);
+      if (!done) lost = curved<Derivative>(c, p, measured);
       if constexpr (Stereo) away_from_plane(static_cast<G>(c.nearest), z);
     }
     if constexpr (Stereo) {  // u_right = u - bf / z
@@ -70,6 +71,12 @@ struct lane_reprojection {
       e[2] = (e[2] - pack<G, N>(static_cast<G>(c.correlation)) * e[0]) * pack<G, N>(static_cast<G>(c.whitening));
     }
     if constexpr (Derivative) {
+      if (Stereo && lost) {  // what the disparity alone gives is no derivative
+        const pack<A, N> zero(A(0));
+        pack<A, N> size = zero;
+        for (int k = 0; k < 6; ++k) size = size + larger(d[k / 3][k % 3], -d[k / 3][k % 3]);
+        for (int k = 0; k < 3; ++k) d[2][k] = select_greater(size, zero, d[2][k], zero);
+      }
       if (!c.is_body)
         for (int r = 0; r < (Stereo ? 3 : 2); ++r) {
           const pack<A, N> x = d[r][0], y = d[r][1], w = d[r][2];
@@ -148,11 +155,14 @@ struct lane_reprojection {
     return true;
   }
 
+  /// Where a derivative is not finite, all are 0: whether a row is defined, and its cost, are no matter of its derivative.
+  /// \return whether there was such a lane
   template <bool Derivative, class Camera>
-  TURBOMAP_HD void curved(const adjustment_camera<Camera>& c, const vec3<pack<G, N>>& p,
+  TURBOMAP_HD bool curved(const adjustment_camera<Camera>& c, const vec3<pack<G, N>>& p,
                           const vec3<pack<G, N>>& measured) {
     G x[N], y[N], depth[N], u[N], v[N], ok[N];
     A slope[6][N];
+    bool lost = false;
     p.x.store(x), p.y.store(y), p.z.store(depth), measured.x.store(u), measured.y.store(v);
     for (int l = 0; l < N; ++l) {
       const vec3<double> q{static_cast<double>(x[l]), static_cast<double>(y[l]), static_cast<double>(depth[l])};
@@ -164,11 +174,14 @@ struct lane_reprojection {
       else
         good = c.camera.project(q, pixel);
       good = good && dot(q, q) > c.nearest * c.nearest;
-      for (int k = 0; Derivative && k < 6; ++k) good = good && detail::is_finite(D.m[k]);
+      bool known = good;
+      for (int k = 0; Derivative && k < 6; ++k) known = known && detail::is_finite(D.m[k]);
+      good = good && detail::each_finite(pixel.x, pixel.y);
       ok[l] = good ? G(1) : G(0);
       u[l] = static_cast<G>(pixel.x - static_cast<double>(u[l])),
       v[l] = static_cast<G>(pixel.y - static_cast<double>(v[l]));
-      if (!good) u[l] = v[l] = G(0), D = {};
+      if (!good) u[l] = v[l] = G(0);
+      if (!known || !good) D = {}, lost = true;
       if constexpr (Derivative)
         for (int k = 0; k < 6; ++k) slope[k][l] = static_cast<A>(D.m[k]);
     }
@@ -176,6 +189,7 @@ struct lane_reprojection {
     defined = pack<G, N>::load(ok);
     if constexpr (Derivative)
       for (int k = 0; k < 6; ++k) d[k / 3][k % 3] = pack<A, N>::load(slope[k]);
+    return lost;
   }
 };
 
