@@ -171,6 +171,36 @@ void check_poses_refused(const Policy& policy) {
   CHECK(p.outlier[static_cast<std::size_t>(in.begin[2])] == 1);
 }
 
+/// Rows of information 0 are no observations: two others are too few, also with rows that nobody could fit.
+template <class Policy>
+void check_rows_of_no_information(const Policy& policy) {
+  frames_input in(make_adjustment_scene(scene_kind::stereo, 2, 0, 60, 8));
+  const auto first = static_cast<std::size_t>(in.begin[1]), all = in.point.size();
+  REQUIRE(first > 10);
+  for (std::size_t i = 2; i < first; ++i) in.information[i] = 0;
+  in.pixel[2].x = std::numeric_limits<double>::quiet_NaN();
+  in.information[all - 1] = 0, in.pixel[all - 1] = {1e5, -1e5, -1};
+  for (const bool exact : {true, false}) {
+    CAPTURE(exact);
+    const std::vector<turbomap::point_covariance> covariance(all, {1e-4F, 0, 1e-4F, 0, 0, 1e-4F});
+    turbomap::motion_only_input<scene_camera> given = in.view();
+    if (!exact) given.covariance = turbomap::span<const turbomap::point_covariance>(covariance);
+    turbomap::context<Policy> ctx{policy};
+    turbomap::motion_only<scene_camera, Policy> adjust(ctx);
+    posed p;
+    adjust(ctx, given, {}, p.frames, p.outlier);
+    CHECK(p.frames[0].adjusted == 0);
+    CHECK(p.frames[0].inliers == 0);
+    CHECK(pose_error(p.frames[0].T_cw, in.s.poses[0]) == 0);
+    CHECK(p.frames[1].adjusted == 1);
+    CHECK(p.frames[1].inliers + std::count(p.outlier.begin() + in.begin[1], p.outlier.end(), 1) ==
+          in.begin[2] - in.begin[1] - 1);
+    CHECK(p.outlier[all - 1] == 0);
+  }
+  in.information[5] = std::numeric_limits<double>::quiet_NaN();
+  CHECK_THROWS_WITH_AS(adjust_poses(policy, in), doctest::Contains("information"), std::invalid_argument);
+}
+
 /// Bad input is refused.
 template <class Policy>
 void check_bad_frames(const Policy& policy) {

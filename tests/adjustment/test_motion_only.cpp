@@ -80,6 +80,10 @@ TEST_CASE_TEMPLATE("frames that cannot be adjusted stay to the bit; the others d
   check_poses_refused(Policy{});
 }
 
+TEST_CASE_TEMPLATE("rows of no information are no observations", Policy, TURBOMAP_TEST_POLICIES) {
+  check_rows_of_no_information(Policy{});
+}
+
 TEST_CASE_TEMPLATE("bad input is refused", Policy, TURBOMAP_TEST_POLICIES) { check_bad_frames(Policy{}); }
 
 }  // namespace

@@ -68,6 +68,7 @@ TEST_CASE("frames that cannot be adjusted stay to the bit; the others do not min
 TEST_CASE("bad input is refused") {
   const stream on;
   check_bad_frames(on.policy());
+  check_rows_of_no_information(on.policy());
 }
 
 TEST_CASE("points that are not exact") {

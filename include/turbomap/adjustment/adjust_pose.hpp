@@ -56,6 +56,8 @@ struct adjust_one_pose {
   TURBOMAP_HD void for_each_of(int f, const Team& team, const Function& g) const {
     for (int i = begin[f] + team.rank; i < begin[f + 1]; i += team.size) g(i);
   }
+  /// Whether an observation says anything: one of no information is neither an inlier nor an outlier.
+  TURBOMAP_HD bool counts(int i) const { return seen.information[i] > 0; }
 
   /// False: the frame cannot be adjusted.
   template <class Team>
@@ -94,7 +96,7 @@ struct adjust_one_pose {
     const vec3<double> from = rays_from(f);
     double sums[normal_equations + 1] = {};
     for_each_of(f, team, [&](int i) {
-      if (outlier[i] != 0) return;
+      if (outlier[i] != 0 || !counts(i)) return;
       double rho = 0;
       // What a step leaves undefined counts as 1000 px off.
       if (seen.template observe<true>(i, T, from, robust, sums, sums + triangle, rho) < 0)
@@ -141,6 +143,10 @@ struct adjust_one_pose {
     const vec3<double> from = rays_from(f);
     double inliers[1] = {};
     for_each_of(f, team, [&](int i) {
+      if (!counts(i)) {
+        outlier[i] = 0;
+        return;
+      }
       const auto& c = seen.camera_of(i);
       double rho;
       const double chi2 = seen.template observe<false>(i, T, from, false, nullptr, nullptr, rho);

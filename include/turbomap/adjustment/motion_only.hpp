@@ -35,7 +35,7 @@ struct motion_only_input {
   span<const std::int32_t> begin;            ///< [frame + 1] its observations
   span<const vec3<double>> point;            ///< [observation] world, m
   span<const vec3<double>> pixel;            ///< u, v, u_right; negative or NaN u_right: none
-  span<const double> information;            ///< 1 / sigma^2, px^-2
+  span<const double> information;            ///< 1 / sigma^2, px^-2; 0: no observation, no inlier and no outlier
   span<const std::uint8_t> camera = {};      ///< of the rig; empty: the first
   /// [observation] how well its point is known, world, m^2. Points are unknowns too then (uncertain_point.hpp), and chi2, for
   /// kernel and gates, is that of the pixel's error and of the point's together. Empty: all points are exact.
@@ -110,7 +110,7 @@ class motion_only {
       require(in.begin[f] <= in.begin[f + 1], "begin", in.begin[f + 1], "must not fall");
     require(in.pixel.size() == n, "pixel.size()", in.pixel.size(), "must be that of point");
     require(in.information.size() == n, "information.size()", in.information.size(), "must be that of point");
-    for (const double x : in.information) require(!(x < 0), "information", x, "must not be negative");
+    for (const double x : in.information) require(x >= 0, "information", x, "must not be negative");
     require(in.camera.empty() || in.camera.size() == n, "camera.size()", in.camera.size(),
             "must be that of point, or 0");
     for (const auto c : in.camera) require(c < in.rig.count, "camera", static_cast<int>(c), "is not in the rig");
