@@ -153,7 +153,8 @@ class normal_equations {
       auto* const to = data_.workspace.survey.data();
       if (!can_hand_over(to)) return nullptr;
       if (scale) launch_scale_landmarks(ctx.policy(), s_, scales_);
-      launch_survey_frames<D>(ctx.policy(), scale ? scales_ : nullptr, s_.landmarks, s_.H, s_.free_frames, to);
+      launch_survey_frames<D>(ctx.policy(), scale ? scales_ : nullptr, s_.landmarks, s_.H, s_.free_frames,
+                              data_.held.host().empty() ? nullptr : data_.held.data(), to);
       return &wait_for(ctx.policy(), *to);
     }
   }
@@ -169,7 +170,7 @@ class normal_equations {
     return count;
   }
 
-  /// The largest diagonal element of all blocks of frames and landmarks.
+  /// The largest diagonal element of all blocks of frames and landmarks. Not of unknowns that are held: theirs is 1, in no unit.
   template <class Policy>
   double largest_diagonal(context<Policy>& ctx) {
     launch_scale_landmarks(ctx.policy(), s_, scales_);
@@ -179,8 +180,11 @@ class normal_equations {
     for (int l = 0; l < s_.landmarks; ++l) largest = larger(d[l], largest);
     constexpr int triangle = frame_block<D>::triangle;
     const double* H = on_host(ctx, s_.H, static_cast<std::size_t>(s_.free_frames) * triangle, buffer);
+    const auto& held = data_.held.host();
     for (int f = 0; f < s_.free_frames; ++f)
-      for (int i = 0; i < D; ++i) largest = larger(H[f * triangle + i * (i + 1) / 2 + i], largest);
+      for (int i = 0; i < D; ++i)
+        if (held.empty() || (held[static_cast<std::size_t>(f)] >> i & 1U) == 0)
+          largest = larger(H[f * triangle + i * (i + 1) / 2 + i], largest);
     return largest;
   }
 

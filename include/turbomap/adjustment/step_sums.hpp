@@ -74,9 +74,10 @@ void launch_sum_step(const thrust::execution_policy<Derived>& policy, const step
                      awaited<step_report>* to);
 
 /// Looks at the first linearisation. \param diagonal  largest diagonal element of each landmark; null: not asked for
+/// \param held  [free frame] masks of unknowns whose diagonal is not theirs (hold_unknowns.hpp); null: none
 template <int D, class Derived>
 void launch_survey_frames(const thrust::execution_policy<Derived>& policy, const double* diagonal, int landmarks,
-                          const double* H, int free_frames, awaited<survey_report>* to);
+                          const double* H, int free_frames, const std::uint32_t* held, awaited<survey_report>* to);
 
 TURBOMAP_END_NAMESPACE
 

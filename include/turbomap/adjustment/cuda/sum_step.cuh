@@ -75,7 +75,7 @@ __global__ void __launch_bounds__(sum_step_tuning::threads) sum_step_kernel(step
 template <int D>
 __global__ void __launch_bounds__(sum_step_tuning::threads)
     survey_frames_kernel(const double* diagonal, int landmarks, const double* H, int free_frames,
-                         awaited<survey_report>* to) {
+                         const std::uint32_t* held, awaited<survey_report>* to) {
   constexpr int threads = sum_step_tuning::threads, warps = threads / warp_size;
   __shared__ double largest_of_warp[warps], missing_of_warp[warps];
   const int thread = static_cast<int>(threadIdx.x);
@@ -84,7 +84,8 @@ __global__ void __launch_bounds__(sum_step_tuning::threads)
     for (int l = thread; l < landmarks; l += threads) largest = larger(diagonal[l], largest);
   for (int i = thread; i < free_frames * D; i += threads) {
     const double h = H[static_cast<std::ptrdiff_t>(i / D) * frame_block<D>::triangle + (i % D) * (i % D + 3) / 2];
-    largest = larger(h, largest), missing += h > 0 ? 0 : 1;
+    missing += h > 0 ? 0 : 1;
+    if (held == nullptr || (held[i / D] >> i % D & 1U) == 0) largest = larger(h, largest);
   }
   for (int d = warp_size / 2; d > 0; d /= 2) largest = larger(__shfl_xor_sync(whole_warp, largest, d), largest);
   missing = sum_lanes<warp_size>(missing);
@@ -105,10 +106,11 @@ void launch_sum_step(const thrust::cuda_cub::execution_policy<Derived>& policy, 
 
 template <int D, class Derived>
 void launch_survey_frames(const thrust::cuda_cub::execution_policy<Derived>& policy, const double* diagonal,
-                          int landmarks, const double* H, int free_frames, awaited<survey_report>* to) {
+                          int landmarks, const double* H, int free_frames, const std::uint32_t* held,
+                          awaited<survey_report>* to) {
   to->ready = 0;
   launch_kernel(policy, "launch of survey_frames", survey_frames_kernel<D>, 1, sum_step_tuning::threads, diagonal,
-                landmarks, H, free_frames, to);
+                landmarks, H, free_frames, held, to);
 }
 
 /// Waits until a launched report is there, not for what was enqueued after it.
