@@ -71,6 +71,17 @@ TEST_CASE("thresholds that are not numbers are refused by name") {
     CHECK_THROWS_WITH_AS(adjust_scene(sequential{}, s, options), doctest::Contains("options.min_predicted_decrease"),
                          std::invalid_argument);
   }
+  const auto refuse = [&](const char* name, auto set) {
+    adjustment_options bad = in_float64();
+    set(bad);
+    CHECK_THROWS_WITH_AS(adjust_scene(sequential{}, s, bad), doctest::Contains(name), std::invalid_argument);
+  };
+  for (const double bad : {-1.0, nan_value, inf_value})
+    refuse("options.min_relative_decrease", [&](auto& o) { o.min_relative_decrease = bad; });
+  for (const double bad : {-1.0, nan_value, inf_value, 1e101, 1e308})
+    refuse("options.initial_lambda", [&](auto& o) { o.initial_lambda = bad; });
+  for (const double bad : {-1.0, nan_value}) refuse("options.sparse_fill", [&](auto& o) { o.sparse_fill = bad; });
+  refuse("options.damping", [](auto& o) { o.damping = static_cast<turbomap::damping_rule>(7); });
   adjustment_options options = in_float64();
   options.time_budget_ms = std::nan("");
   CHECK_THROWS_WITH_AS(adjust_scene(sequential{}, s, options), doctest::Contains("options.time_budget_ms"),

@@ -44,7 +44,7 @@ struct reprojections {
   span<const std::int32_t> frame;        ///< one per row: which frame sees
   span<const std::int32_t> landmark;     ///< which landmark
   span<const vec3<double>> pixel;        ///< u, v, u_right in px; negative or NaN u_right: none
-  span<const double> information;        ///< 1 / sigma^2, px^-2; 0 switches a row off
+  span<const double> information;        ///< 1 / sigma^2, px^-2; 0 switches a row off. Its pixel is finite all the same
   span<const std::uint8_t> camera = {};  ///< which camera of the rig; empty: the first
   span<const std::uint8_t> stereo = {};  ///< not 0: three residuals, whatever u_right is; empty: where u_right >= 0
   Kernel mono_kernel = {};               ///< kernel of rows with two residuals
