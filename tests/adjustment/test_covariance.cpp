@@ -123,6 +123,26 @@ TEST_CASE_TEMPLATE("a landmark that is seen once takes nothing from what is know
   check_landmark_seen_once(Policy{});
 }
 
+TEST_CASE("a free scale where landmarks have very many rows: by a tolerance of 1e-15") {
+  for (const unsigned seed : {1U, 2U})
+    for (const bool one : {false, true}) {
+      CAPTURE(seed);
+      CAPTURE(one);
+      auto s = make_adjustment_scene(scene_kind::mono, 5, 1, 30, seed);
+      const std::size_t n = s.frame.size();
+      for (int again = 0; again < (one ? 3000 : 100); ++again)
+        for (std::size_t i = 0; i < n; ++i) {
+          if (one && s.landmark[i] != 0) continue;
+          s.frame.push_back(s.frame[i]), s.landmark.push_back(s.landmark[i]), s.pixel.push_back(s.pixel[i]);
+          s.information.push_back(s.information[i]), s.camera.push_back(s.camera[i]);
+        }
+      turbomap::context<sequential> ctx{sequential{}};
+      turbomap::bundle_problem<sequential, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
+      problem.assign(ctx, s.frame_input(), s.landmark_input(), s.group());
+      CHECK(turbomap::undetermined_directions(ctx, problem, 1e-15) == 1);
+    }
+}
+
 TEST_CASE("an adjustment is not disturbed") {
   const auto s = make_adjustment_scene(scene_kind::stereo, 6, 2, 60, 9);
   turbomap::context<sequential> ctx{sequential{}};

@@ -86,7 +86,9 @@ int undetermined_directions(context<Policy>& ctx, basic_bundle_problem<memory_of
 ///                   rows are 0
 /// \param result     row-major, square, Frame::dof rows for each of `frames`, symmetric up to rounding
 /// \param tolerance  what a motion of the frames that nothing holds may cost by rounding, relative to what the residuals
-///                   sum up on the way: no less than the rounding of `long double` (on x86 1e-19) is taken
+///                   sum up on the way: no less than the rounding of `long double` (on x86 1e-19) is taken. The default is for
+///                   landmarks of up to some hundred rows each. With more, rounding may add up to something that looks like a
+///                   direction that is told, with a sigma of kilometres: give 1e-15 then
 /// \return whether all of `frames` are determined
 /// \throws std::invalid_argument  a frame that is not there, or a tolerance that is not in [0, 1)
 /// On the host, whatever the policy: O(observations (dof views)^2 + unknowns band^2), where band is how many unknowns lie
