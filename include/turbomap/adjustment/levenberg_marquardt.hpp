@@ -272,7 +272,8 @@ class levenberg_marquardt {
 
 /// Adjusts a problem: moves its free frames and landmarks to where the sum of rho(chi2) of all factors is least. One
 /// iteration is one linearisation with all its retries. The same input gives the same bits, run by run, for any host policy
-/// and any number of threads.
+/// and any number of threads; but for last bits where the adjustment before, of the same object, began with a step that was
+/// refused (docs/adjustment.md).
 /// \tparam Methods  the solvers and precisions that the options may ask for (methods.hpp); only these are compiled
 /// \return what happened; where no step was accepted the estimate is to the bit what was given
 /// \throws std::invalid_argument  an option is out of range, or asks for what is not among Methods
