@@ -28,8 +28,8 @@
 #include <turbomap/store/keyframe_store.hpp>
 
 #include "hostile.hpp"
-#include "reference/same_plans.hpp"
 #include "hostile_descriptors.hpp"
+#include "reference/same_plans.hpp"
 #include "scenes/matching_scene.hpp"
 
 namespace turbomap_fuzz {

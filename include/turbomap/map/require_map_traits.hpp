@@ -146,9 +146,10 @@ using named_keyframe_t = typename named_keyframe<Map>::type;
 
 }  // namespace detail
 
-#define TURBOMAP_NEEDS(member, signature)                                                                   \
-  static_assert(detail::fit<Map, detail::member>::value, "turbomap: map_traits needs `" signature "`; see " \
-                                                                                                  "docs/map.md")
+#define TURBOMAP_NEEDS(member, signature)                                                         \
+  static_assert(detail::fit<Map, detail::member>::value, "turbomap: map_traits needs `" signature \
+                                                         "`; see "                                \
+                                                         "docs/map.md")
 /// Explains in words what is wrong with map_traits<Map>: `static_assert(require_map_traits<Map>());`.
 template <class Map>
 constexpr bool require_map_traits() {
