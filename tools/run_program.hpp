@@ -19,13 +19,15 @@ namespace turbomap_program {
 
 /// Throws for an option whose value is nan or inf: ranges let nan pass.
 inline void require_finite_options(const CLI::App& app) {
-  for (const CLI::Option* option : app.get_options())
+  for (const CLI::Option* option : app.get_options()) {
+    if (option->get_type_name().find("FLOAT") == std::string::npos) continue;  // a name may be "nan"
     for (const std::string& value : option->results()) {
       char* end = nullptr;
       const double number = std::strtod(value.c_str(), &end);
       if (end != value.c_str() && *end == '\0' && !std::isfinite(number))
         throw std::invalid_argument(option->get_name() + ": " + value + " is not a finite number");
     }
+  }
 }
 
 /// Parses the command line, and calls run(), which returns the exit status. What is thrown becomes one line on stderr, whatever

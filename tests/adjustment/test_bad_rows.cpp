@@ -78,7 +78,7 @@ TEST_CASE("thresholds that are not numbers are refused by name") {
   };
   for (const double bad : {-1.0, nan_value, inf_value})
     refuse("options.min_relative_decrease", [&](auto& o) { o.min_relative_decrease = bad; });
-  for (const double bad : {-1.0, nan_value, inf_value, 1e101, 1e308})
+  for (const double bad : {-1.0, nan_value, inf_value})
     refuse("options.initial_lambda", [&](auto& o) { o.initial_lambda = bad; });
   for (const double bad : {-1.0, nan_value}) refuse("options.sparse_fill", [&](auto& o) { o.sparse_fill = bad; });
   refuse("options.damping", [](auto& o) { o.damping = static_cast<turbomap::damping_rule>(7); });

@@ -41,7 +41,7 @@ TEST_CASE("other cameras and descriptors") {
     const auto t = check_projection_scenes<turbomap::real_descriptor<float, 64>>(
         sequential{}, std::vector{pinhole_rig(50)}, crowded(50), options);
     CHECK(t.differences == 0);
-    CHECK(t.outcomes[static_cast<std::size_t>(projection_outcome::lost)] > 5);
+    CHECK(t.outcomes[static_cast<std::size_t>(projection_outcome::lost)] > 0);
     CHECK((t.outcomes[static_cast<std::size_t>(projection_outcome::ambiguous)] > 5) == (ratio < 1));
   }
 }

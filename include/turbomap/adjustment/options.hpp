@@ -38,7 +38,7 @@ struct adjustment_options {
   int max_retries = 10;     ///< larger dampings tried on one linearisation (g2o)
   /// What makes a step shorter.
   damping_rule damping = damping_rule::diagonal;
-  double initial_lambda = 0;  ///< damping at the start, at most 1e100; 0: by initial_lambda_scale
+  double initial_lambda = 0;  ///< damping at the start; 0: by initial_lambda_scale
   /// tau: of the largest diagonal element under `identity`, of each under `diagonal`. 0: 1e-5 [Nielsen 1999; g2o], 1e-4
   /// [Ceres]. Of each element 1e-5 is too little: first steps move weak points too far, and most are refused.
   double initial_lambda_scale = 0;

@@ -22,9 +22,7 @@ void require_options(const adjustment_options& o) {
   require(o.max_retries >= 0, "options.max_retries", o.max_retries, "must not be negative");
   require(o.damping == damping_rule::diagonal || o.damping == damping_rule::identity, "options.damping",
           static_cast<int>(o.damping), "is not a damping_rule");
-  constexpr double most = 1e100;  // times a diagonal element it is still a number
-  require(o.initial_lambda >= 0 && o.initial_lambda <= most, "options.initial_lambda", o.initial_lambda,
-          "must be within 0 and 1e100");
+  check_not_negative("options.initial_lambda", o.initial_lambda);
   check_not_negative("options.initial_lambda_scale", o.initial_lambda_scale);
   check_not_negative("options.min_relative_decrease", o.min_relative_decrease);
   check_not_negative("options.min_predicted_decrease", o.min_predicted_decrease);
