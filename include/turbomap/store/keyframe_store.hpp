@@ -23,6 +23,7 @@
 #include "../span.hpp"
 #include "../traits.hpp"
 #include "block_cache.hpp"
+#include "first_cameras.hpp"
 #include "gather.hpp"
 #include "insertion_lanes.hpp"
 #include "keyframe_handle.hpp"
@@ -123,13 +124,9 @@ class keyframe_store {
   /// How the first camera of a keyframe's rig is mounted: maps body to camera, metres. Throws stale_handle. Does not wait for what pages
   /// or uploads.
   rigid_transform<double> first_camera(keyframe_handle handle) const {
-    {
-      const std::lock_guard<std::mutex> lock(mounts_mutex_);
-      if (handle.slot < mounts_.size() && handle.generation != 0 &&
-          mounts_[handle.slot].generation == handle.generation)
-        return mounts_[handle.slot].T_camera_body;
-    }
-    throw stale(handle, "handle");
+    rigid_transform<double> T_camera_body;
+    if (!first_cameras_.find(handle, T_camera_body)) throw stale(handle, "handle");
+    return T_camera_body;
   }
   /// Keyframes that have not been erased.
   std::size_t size() const {
@@ -169,8 +166,7 @@ class keyframe_store {
       slot_ = store.slots_.acquire();
       try {
         if (store.layouts_.size() <= slot_) store.layouts_.resize(std::size_t{slot_} + 1);
-        const std::lock_guard<std::mutex> mounts_lock(store.mounts_mutex_);
-        if (store.mounts_.size() <= slot_) store.mounts_.resize(std::size_t{slot_} + 1);
+        store.first_cameras_.make_room(slot_);
         store.waiting_for_room([&] { block_ = store.blocks_.place(slot_, layout.bytes); });
       } catch (...) {
         store.slots_.recycle(slot_);
@@ -192,10 +188,7 @@ class keyframe_store {
       ++store_.uploads_;
       store_.slots_.publish(slot_);
       const keyframe_handle handle{slot_, store_.slots_.generation(slot_)};
-      {
-        const std::lock_guard<std::mutex> mounts_lock(store_.mounts_mutex_);
-        store_.mounts_[slot_] = {handle.generation, T_camera_body};
-      }
+      store_.first_cameras_.set(handle, T_camera_body);
       store_.unpin(slot_);
       return handle;
     }
@@ -220,10 +213,7 @@ class keyframe_store {
 
   void retire(std::uint32_t slot) {
     slots_.retire(slot);
-    {
-      const std::lock_guard<std::mutex> mounts_lock(mounts_mutex_);
-      mounts_[slot].generation = 0;
-    }
+    first_cameras_.forget(slot);
     if (!blocks_.pinned(slot)) reclaim(slot);
   }
   bool alive(keyframe_handle handle) const { return slots_.alive(handle.slot, handle.generation); }
@@ -272,13 +262,7 @@ class keyframe_store {
   slot_table slots_;
   block_cache<Memory> blocks_;
   plain_vector<keyframe_layout> layouts_;  // by slot
-  /// Of the keyframe in a slot.
-  struct mount {
-    std::uint32_t generation = 0;  // 0: none
-    rigid_transform<double> T_camera_body;
-  };
-  mutable std::mutex mounts_mutex_;  // a lock of their own: who asks may hold the map's guard
-  plain_vector<mount> mounts_;       // by slot
+  first_cameras first_cameras_;
   pin_records<Descriptor, Camera, Memory> pins_;
   insertion_lanes<Descriptor, Camera, Memory> lanes_;
   std::uint64_t uploads_ = 0;
