@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <new>
 #include <random>
 #include <stdexcept>
 #include <turbomap/camera/any_camera.hpp>
@@ -17,6 +18,7 @@
 #include <turbomap/camera/double_sphere.hpp>
 #include <turbomap/camera/kannala_brandt.hpp>
 #include <turbomap/camera/rig.hpp>
+#include <type_traits>
 #include <vector>
 
 #include "support/support.hpp"
@@ -136,6 +138,26 @@ TEST_CASE("any_camera is plain data, assignable, and a camera model itself") {
   CHECK(copy.get_if<double_sphere<double>>()->xi == -0.19);
   camera = pinhole<float>{-1, 1, 0, 0};
   CHECK_THROWS_AS(camera.validate(), std::invalid_argument);
+}
+
+TEST_CASE("equal cameras have equal bytes, whatever was in their memory before") {
+  const auto check = [](const auto& kind, const auto& model) {
+    using camera = std::decay_t<decltype(kind)>;
+    struct place {
+      alignas(camera) unsigned char bytes[sizeof(camera)];
+    } zeros, ones;
+    std::memset(zeros.bytes, 0, sizeof zeros.bytes), std::memset(ones.bytes, 0xFF, sizeof ones.bytes);
+    ::new (static_cast<void*>(zeros.bytes)) camera(model);
+    ::new (static_cast<void*>(ones.bytes)) camera(model);
+    CHECK(std::memcmp(zeros.bytes, ones.bytes, sizeof zeros.bytes) == 0);
+  };
+  using floats = any_camera<pinhole<float>, kannala_brandt<float>>;
+  check(floats{}, pinhole<float>{300, 301, 320, 240});
+  check(floats{}, kannala_brandt<float>{});
+  check(mixed{}, model_a);
+  check(mixed{}, model_b);
+  check(mixed{}, model_c);
+  check(mixed{}, model_d);
 }
 
 TEST_CASE("the camera concept: a user's own model, and what is missing") {

@@ -154,8 +154,11 @@ class any_camera {
     return *reinterpret_cast<const model<I>*>(bytes_);
   }
 
-  // What the model leaves is 0: equal cameras are recognised by their bytes.
-  alignas(Cameras...) unsigned char bytes_[std::max({sizeof(Cameras)...})] = {};
+  // Equal cameras are recognised by their bytes: what the model leaves is 0, and there is no padding behind the index.
+  static constexpr std::size_t alignment = std::max({alignof(int), alignof(Cameras)...});
+  static constexpr std::size_t room =
+      (std::max({sizeof(Cameras)...}) + sizeof(int) + alignment - 1) / alignment * alignment - sizeof(int);
+  alignas(alignment) unsigned char bytes_[room] = {};
   int index_;
 };
 
