@@ -49,7 +49,7 @@ class normal_equations {
       s_.axes = axes_, s_.centres = centres_;
       if constexpr (compact_form<A, V, D>) s_.turned = ctx.template scratch<double>(at(s.free_frames) * turned_stride);
     } else {
-      s_.held = data.held.host().empty() ? nullptr : data.held.data();
+      s_.held = data.held_masks();
     }
     s_.eliminated = columns(ctx, s.slots() * landmark_block<V>::coupling);
     s_.sums.chunk_partial = ctx.template scratch<double>(at(s.partials) * landmark_block<V>::partial);
@@ -154,7 +154,7 @@ class normal_equations {
       if (!can_hand_over(to)) return nullptr;
       if (scale) launch_scale_landmarks(ctx.policy(), s_, scales_);
       launch_survey_frames<D>(ctx.policy(), scale ? scales_ : nullptr, s_.landmarks, s_.H, s_.free_frames,
-                              data_.held.host().empty() ? nullptr : data_.held.data(), to);
+                              data_.held_masks(), to);
       return &wait_for(ctx.policy(), *to);
     }
   }
@@ -207,11 +207,11 @@ class normal_equations {
   void finish(context<Policy>& ctx, const estimate_view<Frame>& x) {
     s_.positions = x.landmarks, s_.poses = x.poses;
     if constexpr (from_rows && on_the_host<Policy>)
-      launch_prepare_axes<V>(ctx.policy(), data_.structure.frames, s_.free_of_frame, x.poses,
-                             data_.held.host().empty() ? nullptr : data_.held.data(), axes_, centres_);
+      launch_prepare_axes<V>(ctx.policy(), data_.structure.frames, s_.free_of_frame, x.poses, data_.held_masks(), axes_,
+                             centres_);
     if constexpr (D <= 32)
-      if (!data_.held.host().empty())
-        launch_hold_unknowns<V, D>(ctx.policy(), s_, data_.held.data(), static_cast<int>(data_.structure.slots()));
+      if (data_.held_masks() != nullptr)
+        launch_hold_unknowns<V, D>(ctx.policy(), s_, data_.held_masks(), static_cast<int>(data_.structure.slots()));
   }
   /// n numbers and column_slack more: zeros on the host, whose lanes beyond the last column read them.
   template <class Policy>

@@ -117,6 +117,8 @@ struct problem_data {
       if (!of_frames.empty()) masks.push_back(of_frames[static_cast<std::size_t>(f)]), any |= masks.back();
     if (any == 0) masks.clear();
   }
+  /// Those masks where the policy computes; null: none.
+  const std::uint32_t* held_masks() const { return held.host().empty() ? nullptr : held.data(); }
   /// Whether any landmark that is seen moves.
   bool landmarks_move() const {
     const auto& row = structure.landmark_row;
