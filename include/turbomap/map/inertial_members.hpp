@@ -13,6 +13,7 @@
 #include "../inertial/preintegration.hpp"
 #include "../traits.hpp"
 #include "../types.hpp"
+#include "map_members.hpp"
 #include "map_traits.hpp"
 
 namespace turbomap {
@@ -73,15 +74,11 @@ using inertial_initialise_member = std::void_t<decltype(T::set_gravity(write_map
 struct optional_inertial_names {
   int refined, join_samples, bias_changed, set_gravity, set_initialised;
 };
-#define TURBOMAP_NAME(member) \
-  template <class M, class T> \
-  using named_##member = decltype(&T::member)
-TURBOMAP_NAME(refined);
-TURBOMAP_NAME(join_samples);
-TURBOMAP_NAME(bias_changed);
-TURBOMAP_NAME(set_gravity);
-TURBOMAP_NAME(set_initialised);
-#undef TURBOMAP_NAME
+TURBOMAP_NAMED_MEMBER(refined);
+TURBOMAP_NAMED_MEMBER(join_samples);
+TURBOMAP_NAMED_MEMBER(bias_changed);
+TURBOMAP_NAMED_MEMBER(set_gravity);
+TURBOMAP_NAMED_MEMBER(set_initialised);
 
 template <class Map, template <class, class> class Member>
 inline constexpr bool inertial_has_v = has_member<Member, Map, inertial_traits<Map>>::value;

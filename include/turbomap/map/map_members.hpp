@@ -21,6 +21,11 @@ struct map_traits;  // map_traits.hpp
 
 }  // namespace turbomap
 
+/// named_X<M, T>, for has_name(): there is one where traits T have a member X, whatever it takes.
+#define TURBOMAP_NAMED_MEMBER(member) \
+  template <class M, class T>         \
+  using named_##member = decltype(&T::member)
+
 TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {

@@ -24,38 +24,34 @@ struct optional_names {
       set_covariance, set_position, set_pose, time, previous, next, created, merged, erased, for_each_keyframe,
       for_each_point, keypoint_count, keypoint, index, mirrored, prefetch;
 };
-#define TURBOMAP_NAME(member) \
-  template <class M, class T> \
-  using named_##member = decltype(&T::member)
-TURBOMAP_NAME(may_erase);
-TURBOMAP_NAME(is_origin);
-TURBOMAP_NAME(found_ratio);
-TURBOMAP_NAME(reserve_observations);
-TURBOMAP_NAME(octave_counts);
-TURBOMAP_NAME(change_octave_count);
-TURBOMAP_NAME(covariance);
-TURBOMAP_NAME(set_covariance);
-TURBOMAP_NAME(set_position);
-TURBOMAP_NAME(set_pose);
-TURBOMAP_NAME(time);
-TURBOMAP_NAME(previous);
-TURBOMAP_NAME(next);
-TURBOMAP_NAME(created);
-TURBOMAP_NAME(merged);
-TURBOMAP_NAME(erased);
-TURBOMAP_NAME(for_each_keyframe);
-TURBOMAP_NAME(for_each_point);
+TURBOMAP_NAMED_MEMBER(may_erase);
+TURBOMAP_NAMED_MEMBER(is_origin);
+TURBOMAP_NAMED_MEMBER(found_ratio);
+TURBOMAP_NAMED_MEMBER(reserve_observations);
+TURBOMAP_NAMED_MEMBER(octave_counts);
+TURBOMAP_NAMED_MEMBER(change_octave_count);
+TURBOMAP_NAMED_MEMBER(covariance);
+TURBOMAP_NAMED_MEMBER(set_covariance);
+TURBOMAP_NAMED_MEMBER(set_position);
+TURBOMAP_NAMED_MEMBER(set_pose);
+TURBOMAP_NAMED_MEMBER(time);
+TURBOMAP_NAMED_MEMBER(previous);
+TURBOMAP_NAMED_MEMBER(next);
+TURBOMAP_NAMED_MEMBER(created);
+TURBOMAP_NAMED_MEMBER(merged);
+TURBOMAP_NAMED_MEMBER(erased);
+TURBOMAP_NAMED_MEMBER(for_each_keyframe);
+TURBOMAP_NAMED_MEMBER(for_each_point);
 
-TURBOMAP_NAME(keypoint_count);
-TURBOMAP_NAME(keypoint);
+TURBOMAP_NAMED_MEMBER(keypoint_count);
+TURBOMAP_NAMED_MEMBER(keypoint);
 template <class M, class T>
 using type_keypoint = typename T::keypoint;
-TURBOMAP_NAME(index);
+TURBOMAP_NAMED_MEMBER(index);
 template <class M, class T>
 using type_index = typename T::index;
-TURBOMAP_NAME(prefetch);
-TURBOMAP_NAME(mirrored);
-#undef TURBOMAP_NAME
+TURBOMAP_NAMED_MEMBER(prefetch);
+TURBOMAP_NAMED_MEMBER(mirrored);
 
 // Functions whose names are taken for those of optional members.
 template <class M, class T>
