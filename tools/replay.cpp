@@ -66,12 +66,6 @@ std::vector<std::string> other_policies(const std::vector<std::string>& beside, 
   return others;
 }
 
-/// Throws for the first of these options that is given: it does nothing `with` another.
-void refuse(const std::vector<std::pair<const char*, bool>>& options, const char* with) {
-  for (const auto& [name, given] : options)
-    if (given) throw std::invalid_argument(std::string(name) + ": not together with " + with);
-}
-
 /// Throws where an output has no folder, before the replay instead of after it.
 void require_folders(const arguments& a) {
   for (const auto* output : {&a.json, &a.report, &a.ply, &a.trajectory, &a.growth_file})
@@ -304,13 +298,13 @@ int main(int argc, char** argv) {
     };
     a.imu = chosen(imu, uses_imu), a.pixel_centres = chosen(pixel_centres, centres);
     if (a.check) {
-      refuse({{"--map objects", a.objects},
-              {"--pixel-centres", centres},
-              {"--error-parts", a.error_parts},
-              {"--right-distortion", !a.right_distortion.empty()},
-              {"--imu", uses_imu},
-              {"--beside", compares}},
-             "--check");
+      turbomap_replay::refuse({{"--map objects", a.objects},
+                               {"--pixel-centres", centres},
+                               {"--error-parts", a.error_parts},
+                               {"--right-distortion", !a.right_distortion.empty()},
+                               {"--imu", uses_imu},
+                               {"--beside", compares}},
+                              "--check");
       a.pixel_centres = turbomap_replay::choice::no;
       if (a.imu == turbomap_replay::choice::by_recording) a.without_imu = "--check";
       a.imu = turbomap_replay::choice::no;
@@ -324,15 +318,15 @@ int main(int argc, char** argv) {
     if (a.recording.empty()) a.recording = demo_recording(argv[0]);
 
     if (mappers > 1)
-      refuse({{"--check", a.check},
-              {"--beside", compares},
-              {"--growth", a.growth},
-              {"--report", !a.report.empty()},
-              {"--ply", !a.ply.empty()},
-              {"--trajectory", !a.trajectory.empty()},
-              {"--error-parts", a.error_parts},
-              {"--merge-causes", a.merge_causes}},
-             "--mappers");
+      turbomap_replay::refuse({{"--check", a.check},
+                               {"--beside", compares},
+                               {"--growth", a.growth},
+                               {"--report", !a.report.empty()},
+                               {"--ply", !a.ply.empty()},
+                               {"--trajectory", !a.trajectory.empty()},
+                               {"--error-parts", a.error_parts},
+                               {"--merge-causes", a.merge_causes}},
+                              "--mappers");
     require_folders(a);
     outcome result = mappers > 1 ? turbomap_replay::replay_side_by_side(a, mappers, run) : run(a);
     if (a.check)

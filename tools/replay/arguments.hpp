@@ -8,7 +8,9 @@
 #include <algorithm>
 #include <cstddef>
 #include <filesystem>
+#include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <nlohmann/json.hpp>
@@ -99,6 +101,12 @@ struct arguments {
                                   : turbomap::precision::mixed;
   }
 };
+
+/// Throws std::invalid_argument for the first of these options that is given: it does nothing `with` another.
+inline void refuse(const std::vector<std::pair<const char*, bool>>& options, const char* with) {
+  for (const auto& [name, given] : options)
+    if (given) throw std::invalid_argument(std::string(name) + ": not together with " + with);
+}
 
 /// The outcome of a run: its JSON, and whether every check held.
 struct outcome {

@@ -305,17 +305,16 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
 template <class Camera, class Policy>
 outcome run_with(const turbomap::recording& recording, const Policy& policy, const arguments& arguments) {
   if (!arguments.check || recording.meta.snapshots.empty()) return replay<Camera>(recording, policy, arguments);
-  const std::pair<const char*, bool> of_replays[] = {{"--report", !arguments.report.empty()},
-                                                     {"--ply", !arguments.ply.empty()},
-                                                     {"--trajectory", !arguments.trajectory.empty()},
-                                                     {"--growth", arguments.growth},
-                                                     {"--global-adjustment", arguments.global_end},
-                                                     {"--global-adjustment", arguments.global_every != 0},
-                                                     {"--merge-causes", arguments.merge_causes},
-                                                     {"--queue", arguments.queue},
-                                                     {"--behind", arguments.behind != 0}};
-  for (const auto& [name, given] : of_replays)
-    if (given) throw std::invalid_argument(std::string(name) + ": not together with --check of recorded snapshots");
+  const std::vector<std::pair<const char*, bool>> of_replays{
+      {"--report", !arguments.report.empty()},
+      {"--ply", !arguments.ply.empty()},
+      {"--trajectory", !arguments.trajectory.empty()},
+      {"--growth", arguments.growth},
+      {"--global-adjustment", arguments.global_end || arguments.global_every != 0},
+      {"--merge-causes", arguments.merge_causes},
+      {"--queue", arguments.queue},
+      {"--behind", arguments.behind != 0}};
+  refuse(of_replays, "--check of recorded snapshots");
   checker<Camera, Policy> check(recording, policy, arguments);
   for (const std::int32_t iteration : recording.meta.snapshots)
     check.check(turbomap::read_snapshot(recording, arguments.recording, iteration));

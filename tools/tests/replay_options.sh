@@ -2,10 +2,10 @@
 # SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 # SPDX-License-Identifier: Apache-2.0
 
-# usage: replay_options.sh TURBOMAP-SIMULATE TURBOMAP-REPLAY
+# usage: replay_options.sh TURBOMAP-SIMULATE TURBOMAP-REPLAY PYTHON
 # What turbomap-replay refuses, and what it says of recordings that are too short or of which the truth is known in part.
 set -eu -o pipefail
-simulate=$1 replayer=$2
+simulate=$1 replayer=$2 python=$3
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 fail() {
@@ -55,7 +55,7 @@ for name, skipped in (("gt_t_ns", 8), ("gt_Twb", 56)):
     path.write_bytes(data[:10] + header.encode() + data[begin + skipped * (rows - left):])
 PY
 "$simulate" builtin --keyframes 12 --out "$work/late" >/dev/null
-python3 "$work/late.py" "$work/late"
+"$python" "$work/late.py" "$work/late"
 "$replayer" "$work/late" --no-bound --json "$work/late.json" >"$work/out"
 grep -q 'of the 6 keyframes whose time ground truth covers' "$work/out" || fail "half of the truth: $(cat "$work/out")"
 grep -q '"ate_keyframes": 6' "$work/late.json" || fail 'ate_keyframes'

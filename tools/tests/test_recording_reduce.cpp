@@ -174,6 +174,15 @@ TEST_CASE("a recording shrinks to the keyframes that a command needs to fail") {
   CHECK(turbomap::read_recording(out).keyframe_count() == 2);
   CHECK_FALSE(std::filesystem::exists(out.string() + ".candidate"));
 
+  // Folders that hold anything else are left alone.
+  for (const auto& taken : {out, folder / "it's small.candidate"}) {
+    std::filesystem::create_directories(taken);
+    turbomap_test::write_bytes(taken / "thesis.tex", "all of it");
+    CHECK_THROWS_AS(turbomap_reduce::reduce(one_point(20), command, out, -1, tell), std::invalid_argument);
+    CHECK(turbomap_test::file_bytes(taken / "thesis.tex") == "all of it");
+    CHECK(std::filesystem::remove(taken / "thesis.tex"));
+  }
+
   // Nothing fails, or not in the way that was asked for: what was written before stays.
   CHECK_THROWS_AS(turbomap_reduce::reduce(one_point(4), "test -d {} && true", out, -1, tell), std::invalid_argument);
   CHECK_THROWS_AS(turbomap_reduce::reduce(one_point(20), command, out, 5, tell), std::invalid_argument);
