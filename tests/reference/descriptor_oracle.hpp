@@ -18,14 +18,15 @@ inline constexpr bool is_real = false;
 template <class Storage, int Length>
 inline constexpr bool is_real<turbomap::real_descriptor<Storage, Length>> = true;
 
-/// By how much a distance is above `ratio` of another.
+/// 1: a distance is above `ratio` of another, -1: below, 0: equal. Compared, not subtracted: a fused multiplication and
+/// subtraction finds 19 above 0.95 of 20.
 /// \param distance  what Descriptor::distance() gave; so is `other`
 template <class Descriptor>
-double above_ratio(double distance, double ratio, double other, close_calls& calls) {
-  if (!is_real<Descriptor>) return distance - ratio * other;
-  distance = std::sqrt(distance), other = ratio * std::sqrt(other);
-  calls.less(distance, other);
-  return distance - other;
+int above_ratio(double distance, double ratio, double other, close_calls& calls) {
+  if (is_real<Descriptor>) distance = std::sqrt(distance), other = std::sqrt(other);
+  const double limit = ratio * other;
+  if (is_real<Descriptor>) calls.less(distance, limit);
+  return (distance > limit ? 1 : 0) - (distance < limit ? 1 : 0);
 }
 
 }  // namespace turbomap_test
