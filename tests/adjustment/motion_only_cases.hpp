@@ -192,6 +192,7 @@ void check_rows_of_no_information(const Policy& policy) {
     CHECK(p.frames[0].adjusted == 0);
     CHECK(p.frames[0].inliers == 0);
     CHECK(pose_error(p.frames[0].T_cw, in.s.poses[0]) == 0);
+    CHECK(std::count(p.outlier.begin(), p.outlier.begin() + in.begin[1], 1) == 2);  // those that are observations
     CHECK(p.frames[1].adjusted == 1);
     CHECK(p.frames[1].inliers + std::count(p.outlier.begin() + in.begin[1], p.outlier.end(), 1) ==
           in.begin[2] - in.begin[1] - 1);

@@ -42,7 +42,7 @@ struct adjust_one_pose {
     if (!adjust(f, team, r)) {
       r = {guess[f], 0, 0, 0};
       if (begin[f + 1] - begin[f] >= seen.options.min_observations)
-        for_each_of(f, team, [&](int i) { outlier[i] = 1; });
+        for_each_of(f, team, [&](int i) { outlier[i] = counts(i) ? 1 : 0; });
     }
     if (team.rank == 0) result[f] = r;
   }
