@@ -7,6 +7,12 @@
 #include <thrust/execution_policy.h>
 #include <thrust/system/cuda/execution_policy.h>
 
+#include <cstddef>
+#include <cstdint>
+#include <memory_resource>
+#include <new>
+#include <vector>
+
 #include "adjustment_results.hpp"
 #include "motion_only_cases.hpp"
 #include "support/stream.cuh"
@@ -69,6 +75,34 @@ TEST_CASE("bad input is refused") {
   const stream on;
   check_bad_frames(on.policy());
   check_rows_of_no_information(on.policy());
+}
+
+TEST_CASE("where memory runs out, nothing under way reads the caller's arrays any more") {
+  const stream on;
+  frames_input in(make_adjustment_scene(scene_kind::stereo, 4, 0, 60, 9));
+  adjust_poses(on.policy(), in);  // the kernel is loaded: what follows waits for nothing
+  constexpr std::size_t frames = 4096, of_frame = 1024, n = frames * of_frame;
+  auto* const pinned = turbomap::default_staging_resource(turbomap::device_memory{});
+  turbomap::array<vec3<double>, turbomap::host_memory> point(pinned), pixel(pinned);
+  turbomap::array<double, turbomap::host_memory> information(pinned);
+  point.resize_discard(n), pixel.resize_discard(n), information.resize_discard(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const std::size_t k = i % in.point.size();
+    point.data()[i] = in.point[k], pixel.data()[i] = in.pixel[k], information.data()[i] = in.information[k];
+  }
+  in.s.poses = std::vector<rigid_transform<double>>(frames, in.s.poses[0]);
+  in.begin.clear();
+  for (std::size_t f = 0; f <= frames; ++f) in.begin.push_back(static_cast<std::int32_t>(f * of_frame));
+  auto given = in.view();
+  given.point = {point.data(), n}, given.pixel = {pixel.data(), n}, given.information = {information.data(), n};
+  given.camera = {};
+  turbomap::context<stream_policy> ctx{on.policy(), turbomap::default_resource(turbomap::device_memory{}),
+                                       std::pmr::null_memory_resource()};  // no room for results on the host
+  turbomap::motion_only<scene_camera, stream_policy> adjust(ctx);
+  posed p;
+  CHECK_THROWS_AS(adjust(ctx, given, {}, p.frames, p.outlier), std::bad_alloc);
+  CHECK(cudaStreamQuery(on.handle()) == cudaSuccess);
+  CHECK(p.frames.empty());
 }
 
 TEST_CASE("points that are not exact") {

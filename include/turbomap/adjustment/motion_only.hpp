@@ -82,18 +82,24 @@ class motion_only {
                                                reinterpret_cast<posed_frame*>(results),
                                                reinterpret_cast<std::uint8_t*>(results) + frame_bytes});
     };
-    with_resident(
-        ctx, inputs_,
-        [&](const auto*... inputs) {
-          if (in.covariance.empty())
-            launch(std::true_type{}, inputs...);
-          else
-            launch(std::false_type{}, inputs...);
-        },
-        span<const adjustment_camera<Camera>>(cameras_), in.T_cw, in.begin, in.point, in.pixel, in.information,
-        in.camera, in.covariance);
-    const std::byte* const found = ctx.on_host(results, frame_bytes + n, results_);
-    ctx.synchronize();
+    const std::byte* found = nullptr;
+    try {
+      with_resident(
+          ctx, inputs_,
+          [&](const auto*... inputs) {
+            if (in.covariance.empty())
+              launch(std::true_type{}, inputs...);
+            else
+              launch(std::false_type{}, inputs...);
+          },
+          span<const adjustment_camera<Camera>>(cameras_), in.T_cw, in.begin, in.point, in.pixel, in.information,
+          in.camera, in.covariance);
+      found = ctx.on_host(results, frame_bytes + n, results_);
+      ctx.synchronize();
+    } catch (...) {
+      ctx.settle();  // the caller may free what is being copied
+      throw;
+    }
     result.resize(frames), outlier.resize(n);
     if (frames > 0) std::memcpy(result.data(), found, frame_bytes);
     if (n > 0) std::memcpy(outlier.data(), found + frame_bytes, n);
