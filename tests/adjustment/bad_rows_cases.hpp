@@ -68,6 +68,33 @@ void check_unit_of_length(const Policy& policy) {
   CHECK(in_mm.summary.cost_final == doctest::Approx(in_m.summary.cost_final).epsilon(1e-6));
 }
 
+/// Under identity the first lambda scales with the information, also where an unknown is held.
+template <class Policy>
+void check_first_lambda(const Policy& policy) {
+  for (const std::uint32_t held : {0U, 32U, 63U}) {
+    CAPTURE(held);
+    double lambda[2];
+    for (const int small : {0, 1}) {
+      auto s = make_adjustment_scene(scene_kind::stereo, 4, 1, 30, 5);
+      const double scale = small == 1 ? 1e-12 : 1;
+      for (auto& x : s.information) x *= scale;
+      auto g = s.group();
+      g.mono_kernel.delta2 *= scale, g.stereo_kernel.delta2 *= scale, g.undefined_chi2 *= scale;
+      const std::vector<std::uint32_t> masks{0, 0, held, 0};
+      turbomap::context<Policy> ctx{policy};
+      turbomap::bundle_problem<Policy, pose_frame, turbomap::reprojections<scene_camera>> problem(ctx);
+      auto frames = s.frame_input();
+      frames.held = turbomap::span<const std::uint32_t>(masks);
+      problem.assign(ctx, frames, s.landmark_input(), g);
+      const auto summary = turbomap::adjust<float64_methods>(ctx, problem, long_run(turbomap::damping_rule::identity));
+      REQUIRE(summary.accepted > 0);
+      CHECK(summary.undetermined == 0);
+      lambda[small] = summary.each[0].lambda / scale;
+    }
+    CHECK(lambda[1] == doctest::Approx(lambda[0]).epsilon(1e-9));
+  }
+}
+
 /// A problem with these kernels is refused. \param words  of the message
 template <class Policy, class Kernel>
 void check_refused(const Policy& policy, const Kernel& mono, const Kernel& stereo, const char* words) {
@@ -283,6 +310,68 @@ void check_overflowing_sum(const Policy& policy) {
   s.poses.push_back(s.poses[0]);  // seen by nothing
   s.poses.back().tx = s.poses.back().ty = 1.5e308;
   CHECK(adjust_scene(policy, s, in_float64()).summary.end != turbomap::adjustment_end::not_finite);
+}
+
+/// Pixels by the angle from the axis, where the derivative is 0 / 0.
+struct axis_camera {
+  using scalar = double;
+  template <class S>
+  TURBOMAP_HD bool project(const vec3<S>& p, turbomap::vec2<S>& pixel) const {
+    using std::atan2;
+    using std::sqrt;
+    const S r = sqrt(p.x * p.x + p.y * p.y), scale = r > S(0) ? atan2(r, p.z) / r : S(1) / p.z + S(0) * r;
+    pixel.x = S(400) + S(300) * scale * p.x, pixel.y = S(300) * scale * p.y;
+    return p.z > S(0);
+  }
+  template <class S>
+  TURBOMAP_HD bool unproject(const turbomap::vec2<S>&, vec3<S>&) const {
+    return false;
+  }
+  void validate() const {}
+};
+
+/// A row keeps its cost and pulls at nothing where the derivative of its camera is not finite.
+template <class Policy>
+void check_derivative_of_camera(const Policy& policy) {
+  for (const double bf : {0.0, 40.0}) {
+    CAPTURE(bf);
+    auto s = make_adjustment_scene(scene_kind::mono, 4, 1, 30, 3);
+    s.poses[0] = {};
+    s.points[3] = {0, 0, 6};  // on the axis of the first frame, which does not move
+    turbomap::rig_camera<axis_camera> camera{};
+    camera.bf = bf;
+    for (std::size_t i = 0; i < s.frame.size(); ++i) {
+      const auto p = turbomap::to_isometry<double>(s.true_poses[static_cast<std::size_t>(s.frame[i])]) *
+                     s.true_points[static_cast<std::size_t>(s.landmark[i])];
+      turbomap::vec2<double> q{};
+      REQUIRE(axis_camera{}.project(p, q));
+      s.pixel[i] = {q.x, q.y, bf > 0 ? q.x - bf / p.z : -1};
+    }
+    auto g = turbomap::huber_reprojections(turbomap::rig_view<axis_camera>{&camera, 1});
+    g.frame = turbomap::span<const std::int32_t>(s.frame), g.landmark = turbomap::span<const std::int32_t>(s.landmark);
+    g.pixel = turbomap::span<const vec3<double>>(s.pixel), g.information = turbomap::span<const double>(s.information);
+    turbomap::context<Policy> ctx{policy};
+    turbomap::bundle_problem<Policy, pose_frame, turbomap::reprojections<axis_camera>> problem(ctx);
+    problem.assign(ctx, s.frame_input(), s.landmark_input(), g);
+    std::vector<double> chi2, depth;
+    problem.template chi2<0>(ctx, chi2, depth);
+    double cost = 0;
+    const turbomap::huber kernel = bf > 0 ? g.stereo_kernel : g.mono_kernel;
+    for (const double x : chi2) {
+      double rho = 0, weight = 0;
+      kernel(x, rho, weight), cost += rho;
+    }
+    for (const int iterations : {0, 1, 6}) {
+      CAPTURE(iterations);
+      turbomap::adjustment_options options = in_float64();
+      options.max_iterations = iterations;
+      problem.assign(ctx, s.frame_input(), s.landmark_input(), g);
+      const auto summary = turbomap::adjust<float64_methods>(ctx, problem, options);
+      CHECK(summary.cost_initial == doctest::Approx(cost).epsilon(1e-12));
+      CHECK(summary.undefined == 0);
+      CHECK(summary.accepted == iterations);
+    }
+  }
 }
 
 }  // namespace turbomap_test

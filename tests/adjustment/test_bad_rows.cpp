@@ -37,6 +37,10 @@ TEST_CASE_TEMPLATE("at the optimum an adjustment has converged, whatever the dam
 TEST_CASE_TEMPLATE("the default damping does not depend on the unit of length", Policy, TURBOMAP_TEST_POLICIES) {
   check_unit_of_length(Policy{});
 }
+TEST_CASE_TEMPLATE("under identity the first lambda scales with the information, also where an unknown is held", Policy,
+                   TURBOMAP_TEST_POLICIES) {
+  check_first_lambda(Policy{});
+}
 TEST_CASE_TEMPLATE("kernels that give no cost or weight are refused by name", Policy, TURBOMAP_TEST_POLICIES) {
   check_kernels_refused(Policy{});
 }
@@ -46,6 +50,10 @@ TEST_CASE_TEMPLATE("a landmark at a camera, or next to it, leaves all others to 
 }
 TEST_CASE_TEMPLATE("a derivative that is not a number is left out", Policy, TURBOMAP_TEST_POLICIES) {
   check_derivative_not_a_number(Policy{});
+}
+TEST_CASE_TEMPLATE("a camera whose derivative is not finite somewhere: one cost, with and without derivatives", Policy,
+                   TURBOMAP_TEST_POLICIES) {
+  check_derivative_of_camera(Policy{});
 }
 TEST_CASE_TEMPLATE("a stereo row in the plane z = 0 of a fisheye is not defined, and the others are", Policy,
                    TURBOMAP_TEST_POLICIES) {
