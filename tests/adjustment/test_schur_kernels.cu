@@ -196,6 +196,15 @@ TEST_CASE("frames of three, six, nine and fifteen unknowns") {
   check<double, 3, 3>(33, 100);
 }
 
+TEST_CASE("landmarks that see one unknown, two, or more than a thread keeps the square of") {
+  check<double, 1, 3>(9, 100);
+  check<float, 1, 1>(9, 100);
+  check<double, 2, 3>(9, 100);
+  check<float, 2, 4>(9, 100);
+  check<double, 13, 15>(7, 60);
+  check<float, 15, 15>(7, 60);
+}
+
 TEST_CASE("one frame, no landmark, lists longer than a block has threads") {
   check<double, 6, 6>(1, 1);
   check<double, 6, 6>(2, 0);
