@@ -7,12 +7,16 @@
 
 #include <thrust/execution_policy.h>
 
+#include <cstdint>
 #include <limits>
+#include <memory_resource>
+#include <new>
 #include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "scenes/keyframe_samples.hpp"
 #include "support/policies.hpp"
 #include "track_creation_cases.hpp"
 
@@ -74,6 +78,41 @@ TEST_CASE_TEMPLATE("a point whose variance no float can hold is at infinity", Po
   }
   CHECK(accepted > 10);
   CHECK(at_infinity > 10);
+}
+
+TEST_CASE("no memory, at whichever allocation: no points are left, neither new nor old ones") {
+  scene_recipe few = many_views(3, motion::sideways);
+  few.neighbours = 2, few.query_keypoints = few.neighbour_keypoints = 40;
+  scene<orb, pinhole_camera> first(pinhole_rig(), few), second(pinhole_rig(), many_views(4, motion::sideways));
+  int failures = 0;
+  for (bool done = false; !done; ++failures) {  // each allocation of the second call fails once
+    CAPTURE(failures);
+    counting_resource resource(std::pmr::new_delete_resource());
+    turbomap::context<sequential> ctx(sequential{}, &resource, &resource);
+    turbomap::track_creation<sequential> made(ctx);
+    std::vector<turbomap::created_track> points;
+    std::vector<std::uint8_t> kept;
+    for (auto* const s : {&first, &second}) {
+      const auto neighbours = s->neighbours();
+      const auto found = turbomap::search_correspondences(
+          ctx, s->query(), turbomap::span<const decltype(s->query())>(neighbours), search_options{});
+      turbomap::match_tracks<orb, pinhole_camera, sequential> joined(ctx);
+      turbomap::join_tracks(ctx, found, joined);
+      if (s == &second) resource.refuse_from = resource.allocations + failures, resource.refusals = 1;
+      try {
+        turbomap::create_track_points(ctx, found, joined, creation_options{}, made);
+        done = s == &second;
+      } catch (const std::bad_alloc&) {
+      }
+      resource.refuse_from = -1;
+      made.plan(ctx, points, kept);
+      const bool has_failed = s == &second && !done;
+      CHECK(points.size() == (has_failed ? 0 : joined.tracks().size()));
+      CHECK(kept.size() == (has_failed ? 0 : joined.tracks().views.size()));
+      REQUIRE(joined.tracks().size() > 0);
+    }
+  }
+  CHECK(failures > 4);
 }
 
 TEST_CASE("other options, rigs of mixed models") {

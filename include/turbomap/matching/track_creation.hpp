@@ -48,6 +48,8 @@ class track_creation {
                         {kept.data(), kept_.data(), kept.size()}});
   }
 
+  /// No points: what is left where a call ran out of memory.
+  void clear() { points_.resize_discard(0), kept_.resize_discard(0); }
   /// See create_track_points().
   template <class Descriptor, class Camera>
   void create(context<Policy>& ctx, const search_view<Descriptor, Camera>& search, const track_list& tracks,
@@ -58,7 +60,6 @@ class track_creation {
     v.track_count = static_cast<int>(tracks.size());
     v.cameras = search.query_cameras > search.neighbour_cameras ? search.query_cameras : search.neighbour_cameras;
     const auto placed = static_cast<std::size_t>(1 + search.neighbour_count) * static_cast<std::size_t>(v.cameras);
-    points_.resize_discard(0), kept_.resize_discard(0);  // from here on memory may run out
     cameras_.resize_discard(placed);
     views_.resize_discard(tracks.views.size());
     packed_inputs inputs;
@@ -109,6 +110,7 @@ class track_creation {
 /// \param result   overwritten. Under CUDA the work may still be running on return
 /// \throws std::invalid_argument  an option is not finite or out of range, the scale factor is not that of the search, or
 ///         tracks are not of the matches, or `known` has no number for a keypoint; nothing is changed
+/// \throws std::bad_alloc  there is no memory left; `result` then holds no points
 /// Decisions and positions are equal to the last bit on every policy. O(views^2) per track where many views leave;
 /// O(keypoints of the keyframe) more where two cameras of one keyframe are left.
 template <class Descriptor, class Camera, class Policy>
@@ -129,7 +131,12 @@ void create_track_points(context<Policy>& ctx, const correspondences<Descriptor,
     require(begin >= 0 && begin + keypoints <= static_cast<std::int64_t>(known.numbers.size()), "known.offsets[]",
             begin, "leaves no number for each keypoint of its keyframe");
   }
-  result.create(ctx, matches.view(), tracks.tracks(), options, known);
+  try {
+    result.create(ctx, matches.view(), tracks.tracks(), options, known);
+  } catch (...) {  // out of memory
+    result.clear();
+    throw;
+  }
 }
 
 #define TURBOMAP_INSTANTIATE(Descriptor, Camera, Policy)                                                               \
