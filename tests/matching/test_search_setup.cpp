@@ -3,11 +3,14 @@
 
 // Bad input of the correspondence search, the memory it asks for, and several contexts at once.
 
+#include <turbomap/matching/track_creation.hpp>
+
 #include <thrust/execution_policy.h>
 
 #include <atomic>
 #include <functional>
 #include <limits>
+#include <new>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -224,6 +227,37 @@ TEST_CASE("contexts on several threads share the keyframes and nothing else") {
   for (unsigned t = 0; t < 4; ++t) threads.emplace_back(work, t);
   for (auto& t : threads) t.join();
   CHECK(wrong == 0);
+}
+
+TEST_CASE("tracks that found no memory, at whichever allocation, are of no search") {
+  scene_recipe recipe;
+  recipe.neighbours = 1, recipe.query_keypoints = recipe.neighbour_keypoints = 30;
+  scene<orb, pinhole_camera> few(pinhole_rig(50), recipe), many = make_scene();
+  turbomap::context<sequential> ctx;
+  const auto search = [&](auto& s) {
+    const auto neighbours = s.neighbours();
+    return turbomap::search_correspondences(ctx, s.query(), posed_span(neighbours));
+  };
+  const auto before = search(few), found = search(many);
+  turbomap::track_creation<sequential> made(ctx);
+  int failures = 0;
+  for (bool done = false; !done; ++failures) {
+    CAPTURE(failures);
+    turbomap::match_tracks<orb, pinhole_camera, sequential> tracks(ctx);
+    turbomap::join_tracks(ctx, before, tracks);
+    REQUIRE(tracks.are_of(before));
+    try {
+      const no_memory_once limit(failures);
+      turbomap::join_tracks(ctx, found, tracks);
+      done = true;
+    } catch (const std::bad_alloc&) {
+      CHECK_FALSE(tracks.are_of(before));
+      CHECK_THROWS_WITH_AS(turbomap::create_track_points(ctx, found, tracks, {}, made), doctest::Contains("tracks"),
+                           std::invalid_argument);
+    }
+    CHECK(tracks.are_of(found) == done);
+  }
+  CHECK(failures > 3);
 }
 
 }  // namespace

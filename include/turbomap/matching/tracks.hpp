@@ -61,13 +61,14 @@ class match_tracks {
   /// See join_tracks().
   void join(context<Policy>& ctx, const matches_type& matches) {
     const auto& search = matches.view();
-    neighbours_ = search.neighbour_count, slots_ = search.slot_count;
+    neighbours_ = slots_ = -1;  // where memory runs out, the tracks are of no search
     match_cameras_.clear();
     if (search.query_cameras > 1 || search.neighbour_cameras > 1)
       read_with_cameras(ctx, matches);
     else
       matches.plan(ctx, plan_);
     join_(plan_, match_cameras_, search.own_neighbour, tracks_);
+    neighbours_ = search.neighbour_count, slots_ = search.slot_count;
   }
 
   /// The tracks of the last join().
@@ -101,6 +102,7 @@ class match_tracks {
 /// keyframe would then have two keypoints in one track: such a match is left out with the outcome `contradicts`. The result
 /// consists of integers that the host decides on: the same under every policy. Waits for the search.
 /// \param result  overwritten
+/// \throws std::bad_alloc  there is no memory left; create_track_points() then refuses `result`
 /// O(matches x cameras of all keyframes / 64 + keypoints).
 template <class Descriptor, class Camera, class Policy>
 void join_tracks(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches,
