@@ -75,11 +75,18 @@ class point_creation {
 /// \param result   overwritten. Under CUDA the work may still be running on return
 /// \throws std::invalid_argument  an option is not finite or out of range, or the scale factor is not that of the
 /// search
+/// \throws device_error  a launch failed; `result` then holds no points
 template <class Descriptor, class Camera, class Policy>
 void create_points(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches,
                    const creation_options& options, point_creation<Policy>& result) {
   check_creation_options(options, matches.view().options.scales.scale_factor);
-  launch_create_points(ctx.policy(), matches.view(), options, result.make_room(matches.size()));
+  created_point* const points = result.make_room(matches.size());
+  try {
+    launch_create_points(ctx.policy(), matches.view(), options, points);
+  } catch (...) {
+    result.make_room(0);  // nobody has written them
+    throw;
+  }
 }
 
 #define TURBOMAP_INSTANTIATE(Descriptor, Camera, Policy)                                                     \
