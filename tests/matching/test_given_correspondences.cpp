@@ -111,6 +111,10 @@ TEST_CASE("wrong matches are refused by name, and the result stays") {
   search_options options;
   options.scales.levels = 0;
   CHECK(message(good, options).find("options.scales.levels") != std::string::npos);
+  auto query = s.query();
+  query.view.groups.group_count = 1 << 30;  // too many for a call, which is known after the matches were found good
+  CHECK_THROWS_AS(turbomap::given_correspondences(ctx, query, others, matches_view(good), {}, result),
+                  std::invalid_argument);
   CHECK(same(result.plan(ctx), good));
 }
 

@@ -60,8 +60,8 @@ void given_correspondences(context<Policy>& ctx, const posed_keyframe<Descriptor
     candidate[at] = m.candidate;
     distance[at] = m.distance;
   }
+  set_up_search(ctx, query, given, options, result.buffers());
   try {
-    set_up_search(ctx, query, given, options, result.buffers());
     launch_prepare_search(ctx.policy(), result.view());
     const auto& search = result.view();
     copy_in(ctx.policy(), search.match, candidate.data(), count * sizeof(std::int32_t));
