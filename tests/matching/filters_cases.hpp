@@ -272,6 +272,18 @@ void check_filter_options() {
     turbomap::filter(r.ctx, r.matches, ratio_test{}, mutual_best{}, one_to_one{});
     CHECK(r.plan().size() < before.size());
   }
+  // A keyframe without keypoints has no angles to miss.
+  std::vector<turbomap::posed_keyframe<orb, pinhole_camera>> neighbours(r.keyframes.neighbours().begin(),
+                                                                        r.keyframes.neighbours().end());
+  neighbours.push_back(neighbours[0]);
+  neighbours.back().view = {};
+  neighbours.back().view.cameras = neighbours[0].view.cameras, neighbours.back().view.camera_count = 1;
+  neighbours.back().has_point = {};
+  turbomap::search_correspondences(r.ctx, r.keyframes.query(),
+                                   turbomap::span<const turbomap::posed_keyframe<orb, pinhole_camera>>(neighbours), {},
+                                   r.matches);
+  turbomap::filter(r.ctx, r.matches, rotation_histogram{});
+  CHECK(r.plan().size() > 0);
 }
 
 /// After the first calls neither search nor filters allocate; `upstream` is the policy's memory.

@@ -54,6 +54,12 @@ inline void check_size(const char* name, std::int64_t size, std::int64_t factor 
   require(size * factor < (std::int64_t{1} << 31), name, size, "must be below 2^31 in one call");
 }
 
+/// Whether a keyframe came with the angles of its keypoints: where it has none, there is nothing to come with.
+template <class Descriptor, class Camera>
+bool has_angles(const posed_keyframe<Descriptor, Camera>& k) {
+  return k.view.keypoint_count == 0 || k.view.angle != nullptr;
+}
+
 /// Where the arguments of a search lie in their block.
 template <class Descriptor, class Camera, class Memory>
 struct search_inputs : packed_inputs {
@@ -121,13 +127,13 @@ void set_up_search(context<Policy>& ctx, const posed_keyframe<Descriptor, Camera
   const int neighbour_count = static_cast<int>(neighbours.size()), query_cameras = query.view.camera_count;
   int cameras = 1;
   std::int64_t keypoints = 0, candidate_count = 0;
-  bool has_angles = query.view.angle != nullptr;
+  bool has_angles = detail::has_angles(query);
   for (std::size_t i = 0; i < neighbours.size(); ++i) {
     const posed_keyframe<Descriptor, Camera>& n = neighbours[i];
     cameras = n.view.camera_count > cameras ? n.view.camera_count : cameras;
     keypoints += n.view.keypoint_count;
     candidate_count += detail::candidate_room<memory>(n);
-    has_angles = has_angles && n.view.angle != nullptr;
+    has_angles = has_angles && detail::has_angles(n);
   }
   const std::int64_t slots = detail::count_unmapped(query), results = slots * neighbour_count;
   const std::int64_t pairs = std::int64_t{neighbour_count} * cameras * query_cameras;
