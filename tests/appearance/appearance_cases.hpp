@@ -371,6 +371,10 @@ void check_update_arguments() {
   refused_keyframe(".view.octave", [](auto& k) { k.view.octave = nullptr; });
   refused_keyframe(".view.descriptor", [](auto& k) { k.view.descriptor = nullptr; });
   refused_keyframe(".view.keypoint_count = -1", [](auto& k) { k.view.keypoint_count = -1; });
+  if constexpr (turbomap::is_host_accessible_v<turbomap::memory_of_t<Policy>>) {
+    const std::vector<std::uint8_t> cameras{2, 0, 0, 0};
+    refused_keyframe(".view.camera = 2", [&cameras](auto& k) { k.view.camera = cameras.data(); });
+  }
   const auto refused_scales = [&](const std::string& name, const turbomap::pyramid& scales) {
     turbomap::appearance_options options;
     options.scales = scales;

@@ -12,6 +12,7 @@
 #include "../error.hpp"
 #include "../math/functions.hpp"
 #include "../math/number_checks.hpp"
+#include "../memory.hpp"
 #include "../store/argument_checks.hpp"
 #include "../store/posed_keyframe.hpp"
 #include "appearance_view.hpp"
@@ -36,9 +37,10 @@ void check_observing_keyframes(span<const posed_keyframe<Descriptor, Camera>> ke
   }
 }
 
-/// Throws std::invalid_argument naming what is wrong. O(observations).
-template <class Descriptor, class Camera>
-void check_appearance_arguments(const appearance_view& view, span<const posed_keyframe<Descriptor, Camera>> keyframes,
+/// Throws std::invalid_argument naming what is wrong with the arguments of a call whose views are in `memory`. O(observations).
+template <class Memory, class Descriptor, class Camera>
+void check_appearance_arguments(Memory, const appearance_view& view,
+                                span<const posed_keyframe<Descriptor, Camera>> keyframes,
                                 const appearance_options& options) {
   const auto element = [](const char* array, std::int32_t i) {
     return argument_name(array, static_cast<std::size_t>(i));
@@ -70,6 +72,13 @@ void check_appearance_arguments(const appearance_view& view, span<const posed_ke
         reject(element("view.observations", o) + ".keyframe", keyframe, "is no keyframe of the call");
       if (keypoint < 0 || keypoint >= keyframes[static_cast<std::size_t>(keyframe)].view.keypoint_count)
         reject(element("view.observations", o) + ".keypoint", keypoint, "is no keypoint of its keyframe");
+      // Of the keypoints that are read only: a point may have thousands of observers.
+      if constexpr (is_host_accessible_v<Memory>) {
+        const auto& v = keyframes[static_cast<std::size_t>(keyframe)].view;
+        if (options.geometry && v.camera_of(keypoint) >= v.camera_count)
+          reject(element("keyframes", keyframe) + ".view.camera", v.camera_of(keypoint),
+                 "must be below the number of cameras");
+      }
       is_observer = is_observer || (options.geometry && keyframe == view.reference[i]);
     }
     if (!options.geometry || offset[i] == offset[i + 1]) continue;

@@ -31,7 +31,8 @@ TURBOMAP_BEGIN_NAMESPACE
 /// \param keyframes  all that observe a point; their arrays in the memory of the policy. has_point is not read
 /// \param result     overwritten. Under CUDA the work may still be running on return
 /// \throws std::invalid_argument  an index, offset, pose, position or option that cannot be; a reference keyframe that
-///                                does not observe its point. The previous result stays
+///                                does not observe its point; a view in host memory whose keypoint, of those that are observed,
+///                                names a camera that its rig does not have. The previous result stays
 /// Of a point with more than options.most_views observations, so many stand for all: descriptor and normal are computed of
 /// those, range and covariance of all.
 /// Cost: n^2 / 2 descriptor distances for a point of which n observations take part, n^2 on a device or above
@@ -42,7 +43,7 @@ void update_appearance(context<Policy>& ctx, const appearance_view& view,
                        appearances<Descriptor, Camera, Policy>& result) {
   static_assert(require_descriptor<Descriptor>());
   static_assert(require_camera<Camera>());
-  detail::check_appearance_arguments(view, keyframes, options);
+  detail::check_appearance_arguments(memory_of_t<Policy>{}, view, keyframes, options);
   const named_range range("update_appearance");
   ctx.begin_call();
   try {
