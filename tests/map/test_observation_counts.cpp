@@ -19,6 +19,26 @@
 #include "scenes/map_scene.hpp"
 #include "scenes/pointer_map.hpp"
 
+namespace turbomap_test {
+
+/// A map that keeps no counts, and knows how often the views of a point were walked over.
+struct walked_map : pointer_map {
+  mutable int walks = 0;
+};
+
+}  // namespace turbomap_test
+
+template <>
+struct turbomap::map_traits<turbomap_test::walked_map> : turbomap::map_traits<turbomap_test::pointer_map> {
+  using map = turbomap_test::walked_map;
+
+  template <class F>
+  static void for_each_observation(const map& m, point p, F f) {
+    ++m.walks;
+    turbomap::map_traits<turbomap_test::pointer_map>::for_each_observation(m, p, f);
+  }
+};
+
 namespace {
 
 using namespace turbomap_test;
@@ -70,7 +90,7 @@ TEST_CASE_TEMPLATE("a rig counts once, at its finest octave", Map, flat_map, poi
   CHECK(recounted(map, p, 6) == counts{0, 0, 0, 1, 0, 1});
   if constexpr (turbomap::counts_octaves_v<Map>) CHECK(kept(map, p) == recounted(map, p, 8));
 
-  counts scratch;
+  std::vector<keyframe> scratch;
   CHECK(turbomap::observers_up_to(map, p, 2, 5, scratch) == 0);
   CHECK(turbomap::observers_up_to(map, p, 3, 5, scratch) == 1);
   CHECK(turbomap::observers_up_to(map, p, 5, 5, scratch) == 2);
@@ -80,6 +100,25 @@ TEST_CASE_TEMPLATE("a rig counts once, at its finest octave", Map, flat_map, poi
   const int measurements = turbomap::measurement_count(map, p);
   for (int fewest = -1; fewest < 5; ++fewest)
     CHECK(turbomap::has_more_measurements(map, p, fewest) == (measurements > fewest));
+}
+
+TEST_CASE("the observers of a point are counted by one walk over its views") {
+  walked_map map;
+  using traits = turbomap::map_traits<walked_map>;
+  const auto p = traits::add_point(map, {}, nullptr);
+  const std::vector<turbomap::keypoint> rig{make_keypoint(2, 0), make_keypoint(1, 1)};
+  for (int k = 0; k < 10; ++k) {
+    auto* const keyframe = insert_keyframe(map, rig, 0, nullptr);
+    CHECK(turbomap::observe(map, p, keyframe, 0));
+    CHECK(turbomap::observe(map, p, keyframe, 1));
+  }
+  std::vector<pointer_keyframe*> scratch;
+  for (const std::uint32_t enough : {5U, 10U, 30U}) {
+    map.walks = 0;
+    CHECK(turbomap::observers_up_to(map, p, 2, enough, scratch) == (enough < 10 ? enough : 10U));
+    CHECK(map.walks == 1);
+  }
+  CHECK(turbomap::observers_up_to(map, p, 0, 5, scratch) == 0);
 }
 
 TEST_CASE("counts of any length reach what their sum reaches") {

@@ -70,7 +70,7 @@ TEST_CASE_TEMPLATE("redundant: more than three others, no coarser than one octav
   // Keyframe 0 sees the point at octave 2; 1 to 5 at 3, 3, 0, 3 and 4.
   for (const int octave : {2, 3, 3, 0, 3, 4}) c.add({make_keypoint(octave)});
   c.p.push_back(traits::add_point(c.map, {}, c.k[0]));
-  std::vector<std::uint32_t> scratch;
+  std::vector<typename traits::keyframe> scratch;
   const keyframe_culling_options o;
   const auto count = [&](std::size_t i) { return turbomap::count_redundant(c.map, c.k[i], o, scratch); };
   CHECK(count(0).points == 0);
@@ -99,7 +99,7 @@ TEST_CASE("only points in reach count, where the depth matters; NaN is not in re
     c.p.push_back(c.map.add_point({}));
     turbomap::observe(c.map, c.p[i], c.k[0], i);
   }
-  std::vector<std::uint32_t> scratch;
+  std::vector<turbomap::map_keyframe_id> scratch;
   keyframe_culling_options o;
   CHECK(turbomap::count_redundant(c.map, c.k[0], o, scratch).points == 5);
   o.max_depth = 5;
@@ -167,7 +167,7 @@ keyframe_culling_options inertial() {
 TEST_CASE_TEMPLATE("a counter that is used again counts as one look does", Map, flat_map, pointer_map) {
   std::mt19937 random(5);
   turbomap::redundancy_counter<Map> counter;
-  std::vector<std::uint32_t> scratch;
+  std::vector<typename turbomap::map_traits<Map>::keyframe> scratch;
   for (int maps = 0; maps < 4; ++maps) {
     culling<Map> c;
     for (std::uint32_t i = 0; i < 12; ++i)
@@ -197,7 +197,7 @@ TEST_CASE_TEMPLATE("a counter that is used again counts as one look does", Map, 
 TEST_CASE("a counter that remembers keypoints counts as one look does") {
   std::mt19937 random(6);
   turbomap::redundancy_counter<flat_map> counter;
-  std::vector<std::uint32_t> scratch;
+  std::vector<turbomap::map_keyframe_id> scratch;
   std::uint32_t generation = 0;
   for (int maps = 0; maps < 4; ++maps) {
     culling<flat_map> c;

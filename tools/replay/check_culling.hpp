@@ -70,7 +70,7 @@ class culling_check {
   /// Every candidate on the state of the start; the map's first keyframe was not counted.
   void check_counts(const snapshot_scene<Camera, Policy>& at, const turbomap::culling_snapshot& c, map& state,
                     const turbomap::keyframe_culling_options& options) {
-    std::vector<std::uint32_t> scratch;
+    std::vector<keyframe> scratch;
     for (std::size_t i = 0; i < c.keyframe.size(); ++i) {
       if (c.dry_points[i] < 0) continue;
       ++keyframes_;
@@ -103,7 +103,7 @@ class culling_check {
         erased = records[0].verdict == turbomap::culling_verdict::erased;
         count = records[0].count;
       } catch (const turbomap::inconsistent_map&) {  // before anything is changed: the same by its pieces
-        std::vector<std::uint32_t> scratch;
+        std::vector<keyframe> scratch;
         count = turbomap::count_redundant(state, candidate, options, scratch);
         erased = turbomap::is_redundant(count, options) &&
                  !(options.temporal_guards &&

@@ -24,16 +24,25 @@
 TURBOMAP_BEGIN_NAMESPACE
 
 /// Keyframes that see the point at `octave` or finer, but no more than `enough`: counting ends there. A prefix sum of the
-/// kept counts; without them, a walk over the observations.
+/// kept counts; without them, one walk over the observations. `scratch` is a list of keyframes, reused memory.
+/// O(octaves), or O(views x enough).
 template <class Map, class List>
 std::uint32_t observers_up_to(const Map& map, typename map_traits<Map>::point point, int octave, std::uint32_t enough,
                               [[maybe_unused]] List& scratch) {
+  using traits = map_traits<Map>;
   if constexpr (counts_octaves_v<Map>) {
-    const auto& counts = map_traits<Map>::octave_counts(map, point);
+    const auto& counts = traits::octave_counts(map, point);
     return count_up_to({counts.data(), counts.size()}, octave, enough);
   } else {
-    recount(map, point, scratch);
-    return count_up_to({scratch.data(), scratch.size()}, octave, enough);
+    using keyframe = typename traits::keyframe;
+    scratch.clear();
+    traits::for_each_observation(map, point, [&](const keyframe& observer, std::size_t keypoint) {
+      if (scratch.size() >= enough || keypoint_of(map, observer, keypoint).octave > octave) return;
+      for (const keyframe& k : scratch)
+        if (k == observer) return;  // by another camera of its rig
+      scratch.push_back(observer);
+    });
+    return static_cast<std::uint32_t>(scratch.size());
   }
 }
 
@@ -43,7 +52,8 @@ inline int is_near(const keypoint& k, const keyframe_culling_options& options) {
 }
 
 /// Points of the keyframe that count, and how many of them are redundant. A short sum per point where the map keeps counts
-/// (counts_octaves_v). `scratch` is reused memory. O(keypoints).
+/// (counts_octaves_v), else a walk over its views. `scratch` is a list of keyframes, reused memory. O(keypoints), or O(views of the
+/// points).
 template <class Map, class List>
 redundancy count_redundant(const Map& map, typename map_traits<Map>::keyframe keyframe,
                            const keyframe_culling_options& options, List& scratch) {
@@ -75,8 +85,7 @@ class redundancy_counter {
 
   /// Nothing is known any more: the map, or the options, may be others. O(points that were known).
   void clear() {
-    if constexpr (keeps)  // else known_ is the scratch of count_redundant()
-      for (const std::uint32_t i : known_) enough_[i] = unknown;
+    for (const std::uint32_t i : known_) enough_[i] = unknown;
     known_.clear();
   }
   /// Keyframes that are in the store by this table (null: none) are remembered from now on: which of their keypoints count, which
@@ -100,10 +109,10 @@ class redundancy_counter {
       }
     }
   }
-  /// As count_redundant(). O(keypoints).
+  /// As count_redundant().
   redundancy operator()(const Map& map, const keyframe& k, const keyframe_culling_options& options) {
     if constexpr (!keeps) {
-      return count_redundant(map, k, options, known_);
+      return count_redundant(map, k, options, observers_);
     } else {
       redundancy count;
       const counted_keypoints& counted = keypoints_that_count(map, k, options);
@@ -201,7 +210,8 @@ class redundancy_counter {
   }
 
   plain_vector<std::uint16_t> enough_;  ///< by index of the point
-  plain_vector<std::uint32_t> known_;   ///< indices; scratch where nothing is kept
+  plain_vector<std::uint32_t> known_;   ///< indices
+  list_of<keyframe> observers_;         ///< scratch where nothing is kept
   plain_vector<view> listed_, stale_;   ///< of one keyframe
   const handle_table* stored_ = nullptr;
   std::vector<counted_keypoints> remembered_;  ///< by place in the store
