@@ -50,8 +50,8 @@ struct mat23 {
 };
 
 /// A rigid transform as quaternion and translation: `T_ab` maps x_b to x_a = R(q) x_b + t. A keyframe's pose is `T_cw`
-/// (world to camera, or to the body of a rig). The quaternion is used as stored, by the usual formula for unit ones;
-/// nothing normalises it.
+/// (world to camera, or to the body of a rig). Where the squared length of the quaternion is off by no more than 1e-6, it is
+/// used as stored, by the usual formula for unit ones; else it is scaled to unit length first.
 template <class T>
 struct rigid_transform {
   T qx = 0;  ///< quaternion, of i
