@@ -27,6 +27,7 @@ struct entered_inertial_map : inertial_map {
   explicit entered_inertial_map(const inertial_map& map) : inertial_map(map) {}
   std::function<void()> before;
   std::mutex mutex;
+  mutable int asked_of_dead = 0;  ///< whether one is the origin
 };
 
 }  // namespace turbomap_test
@@ -36,6 +37,10 @@ struct turbomap::map_traits<turbomap_test::entered_inertial_map> : turbomap::map
   static std::unique_lock<std::mutex> guard(turbomap_test::entered_inertial_map& m) {
     m.before();
     return std::unique_lock<std::mutex>(m.mutex);
+  }
+  static bool is_origin(const turbomap_test::entered_inertial_map& m, keyframe k) {
+    m.asked_of_dead += m.alive(k) ? 0 : 1;
+    return m.alive(k) && turbomap::map_traits<turbomap_test::inertial_map>::is_origin(m, k);
   }
 };
 template <>
@@ -146,6 +151,33 @@ TEST_CASE("a fixed keyframe is moved between two parts of the window: nothing is
     CHECK(o.summary.solve.end == adjustment_end::no_observations);
     CHECK(o.same);
   }
+}
+
+TEST_CASE("the oldest keyframe of a window leaves the map between two parts: it is asked whether it lives, no more") {
+  inertial_recipe recipe;
+  recipe.step_ns = 20'000'000;  // others see the same points
+  inertial_map_scene scene(recipe);
+  inertial_run<sequential> run(sequential{}, scene);
+  const auto oldest = scene.keyframes[8];
+  int guards = 2;
+  for (int at = 1; at < guards; ++at) {
+    CAPTURE(at);
+    turbomap::context<sequential> ctx;
+    entered_inertial_map map(scene.map);
+    int guard = 0;
+    map.before = [&] {
+      if (guard++ == at) turbomap::erase_keyframe<inertial_map>(map, oldest);
+    };
+    turbomap::guard_times held;
+    turbomap::mapping_scope<entered_inertial_map, sequential> scope{ctx, map, run.store, run.stored, held};
+    scope.points_read_per_guard = 100;
+    turbomap::inertial_adjustment<entered_inertial_map, sequential, turbomap::every_adjustment_method> stage(ctx);
+    stage(scope, scene.keyframes[13], {}, window_of(5));
+    CHECK(map.asked_of_dead == 0);
+    CHECK(turbomap::validate(map).empty());
+    guards = guard;
+  }
+  CHECK(guards > 5);
 }
 
 TEST_CASE_TEMPLATE("outliers leave the map", Policy, TURBOMAP_TEST_POLICIES) { check_outliers(Policy{}); }

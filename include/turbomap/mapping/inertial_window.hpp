@@ -107,7 +107,7 @@ class inertial_window : public adjustment_window<Map> {
       states_.push_back({T_cw[f], {}, {}});
       held_.push_back(inertial_frame::visual_only);
     }
-    free_oldest(s.map);
+    free_oldest();
     return false;
   }
   /// Whether somebody has moved a keyframe of the window since it was read: velocities and gravity may be others too, so the
@@ -122,7 +122,7 @@ class inertial_window : public adjustment_window<Map> {
     states_.clear(), held_.clear(), usable_.clear();
     edges_.clear();
     prior_.reset();
-    chain_ = joined_ = 0, begins_ = false;
+    chain_ = joined_ = 0, begins_ = oldest_is_origin_ = false;
     observers_ = next_observed_ = next_landmark_ = 0;
   }
 
@@ -166,7 +166,9 @@ class inertial_window : public adjustment_window<Map> {
       if (begins_) break;
       k = before;
     }
-    if (chain_ > 0) this->fixed_[chain_ - 1] = 1;
+    if (chain_ == 0) return;
+    this->fixed_[chain_ - 1] = 1;
+    oldest_is_origin_ = base::is_origin(s.map, this->frames_[chain_ - 1]);  // it may be gone when read() ends
   }
   /// A quaternion of a float system is not quite of length 1. Visual rows normalise it, inertial ones do not.
   static rigid_transform<double> unit(const rigid_transform<double>& T) {
@@ -209,10 +211,10 @@ class inertial_window : public adjustment_window<Map> {
   }
 
   /// Of a chain that others hold in place the oldest frame moves, too. One of them would leave the scale of a single camera free.
-  void free_oldest(const Map& map) {
+  void free_oldest() {
     if (chain_ == 0) return;
     const std::size_t border = chain_ - 1;
-    const bool is_held = this->frames_.size() >= chain_ + 2 && !base::is_origin(map, this->frames_[border]);
+    const bool is_held = this->frames_.size() >= chain_ + 2 && !oldest_is_origin_;
     if (chain_ == 1) {
       this->fixed_[0] = is_held ? 0 : 1;
       this->local_ = is_held ? 1 : 0;
@@ -250,6 +252,7 @@ class inertial_window : public adjustment_window<Map> {
   std::size_t most_observers_ = 0, observers_ = 0;     ///< fixed frames that see its points: wanted, found
   std::size_t next_observed_ = 0, next_landmark_ = 0;  ///< points whose observers, and whose rows, are read next
   bool begins_ = false;                                ///< the map, with the last of the chain
+  bool oldest_is_origin_ = false;                      ///< the last of the chain, of the map
   plain_vector<std::uint8_t> usable_;                  ///< by frame of the chain: its velocity and bias are finite
   plain_vector<inertial_state<double>> states_;
   plain_vector<std::uint32_t> held_;
