@@ -121,4 +121,27 @@ TEST_CASE("what is known of the keyframe before a window, and what is not") {
   }
 }
 
+TEST_CASE("a chain that began anew is held by its oldest keyframe once those that held it are gone") {
+  inertial_recipe recipe{14, 30, 1};
+  recipe.step_ns = 20'000'000;  // they see the same points
+  recipe.begins_anew = 6;
+  inertial_map_scene scene(recipe);
+  sequential_run run(sequential{}, scene);
+  const auto oldest = scene.keyframes[6];
+  const auto first = scene.map.T_cw(oldest);
+  REQUIRE(run(9, to_the_end(), windows(4, true)).solve.accepted > 0);
+  const auto held_by_others = scene.map.T_cw(oldest);
+  CHECK_FALSE(turbomap::is_same_pose(held_by_others, first));
+  bool alone = false;
+  SUBCASE("they are there") {}
+  SUBCASE("they are gone") {
+    alone = true;
+    for (const std::size_t f : {0, 1, 2, 3, 4, 5, 11, 12, 13}) turbomap::erase_keyframe(scene.map, scene.keyframes[f]);
+  }
+  const auto summary = run(10, to_the_end(), windows(4, true));
+  REQUIRE(summary.solve.accepted > 0);
+  CHECK((summary.fixed_keyframes == 0) == alone);
+  CHECK(turbomap::is_same_pose(scene.map.T_cw(oldest), held_by_others) == alone);
+}
+
 }  // namespace

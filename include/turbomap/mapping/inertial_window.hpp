@@ -211,6 +211,7 @@ class inertial_window : public adjustment_window<Map> {
   }
 
   /// Of a chain that others hold in place the oldest frame moves, too. One of them would leave the scale of a single camera free.
+  /// Once they are gone it is held again.
   void free_oldest() {
     if (chain_ == 0) return;
     const std::size_t border = chain_ - 1;
@@ -220,6 +221,8 @@ class inertial_window : public adjustment_window<Map> {
       this->local_ = is_held ? 1 : 0;
     } else if (is_held && begins_ && !prior_) {
       held_[border] &= ~inertial_frame::hold_pose;
+    } else if (!is_held && prior_ && prior_->first && (held_[border] & inertial_frame::hold_pose) == 0) {
+      held_[border] |= inertial_frame::hold_pose;
     }
   }
   template <class Policy>
