@@ -21,6 +21,7 @@ namespace turbomap_test {
 struct disturbed_map : inertial_map {
   using inertial_map::inertial_map;
   int guards = 0, change = 0, at = 2;
+  double bc_length = 1;  ///< of the quaternion of T_bc
 };
 /// The keyframe before the first one is the last one.
 struct circular_map : inertial_map {
@@ -51,7 +52,13 @@ struct turbomap::map_traits<turbomap_test::disturbed_map> : turbomap::map_traits
 };
 template <>
 struct turbomap::inertial_traits<turbomap_test::disturbed_map>
-    : turbomap::inertial_traits<turbomap_test::inertial_map> {};
+    : turbomap::inertial_traits<turbomap_test::inertial_map> {
+  static rigid_transform<double> T_bc(const turbomap_test::disturbed_map& m) {
+    auto T = m.T_bc();
+    for (double* q : {&T.qx, &T.qy, &T.qz, &T.qw}) *q *= m.bc_length;
+    return T;
+  }
+};
 template <>
 struct turbomap::map_traits<turbomap_test::circular_map> : turbomap::map_traits<turbomap_test::inertial_map> {
   static keyframe previous(const turbomap_test::circular_map& m, keyframe k) {
@@ -276,6 +283,19 @@ TEST_CASE("not initialised: the map is as it was") {
   before = s.state();
   CHECK_THROWS_AS(initialise(s.map, s.keyframes.back()), std::invalid_argument);
   CHECK(s.state() == before);
+}
+
+TEST_CASE("a T_bc that is no pose is refused, as an adjustment refuses it") {
+  const auto s = visual_scene(1);
+  for (const double length : {0.0, 0.5, 2.0, std::numeric_limits<double>::quiet_NaN()}) {
+    CAPTURE(length);
+    disturbed_map map(8, s.map.T_bc());
+    static_cast<inertial_map&>(map) = s.map;
+    map.bc_length = length;
+    turbomap::inertial_initialisation<disturbed_map> initialise;
+    CHECK_THROWS_WITH_AS(initialise(map, s.keyframes.back()), doctest::Contains("T_bc"), std::invalid_argument);
+    CHECK_FALSE(map.initialised());
+  }
 }
 
 TEST_CASE("a keyframe moved or taken out meanwhile: nothing is written") {

@@ -96,7 +96,9 @@ class inertial_initialisation {
     keyframes_.clear(), T_cw_.clear(), motions_.clear();
     stale_ = current == keyframe{} || !traits::alive(map, current);
     if (stale_) return;
-    T_bc_ = to_isometry<double>(normalised(inertial::T_bc(map)));
+    const rigid_transform<double> T_bc = inertial::T_bc(map);
+    require(is_pose(T_bc), "T_bc", T_bc.qw, "must be finite, with a quaternion of unit length (qw is given)");
+    T_bc_ = to_isometry<double>(normalised(T_bc));
     preintegration<double> motion;
     const double newest = traits::time(map, current);
     double time = newest;
