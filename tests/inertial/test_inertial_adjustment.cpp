@@ -249,6 +249,13 @@ TEST_CASE("edges go to their groups; the large window has its own numbers") {
   }
   CHECK_FALSE(edges.add(0, 1, preintegration<double>{}, false, options));  // no time has passed
   CHECK(edges.walks().rows.size() == 3);
+  preintegration<double> exact = s.edges[0].motion;
+  exact.C_RR = {};
+  CHECK_FALSE(edges.add(0, 1, exact, false, options, false));
+  CHECK(edges.walks().rows.size() == 3);
+  CHECK_FALSE(edges.add(0, 1, exact, false, options));
+  CHECK(edges.walks().rows.size() == 4);  // they walk all the same
+  CHECK(edges.robust({}, options).rows.size() == 3);
   options.oldest_edge_weight = 0;
   CHECK_THROWS_WITH_AS(edges.add(0, 1, s.edges[0].motion, true, options), doctest::Contains("oldest_edge_weight"),
                        std::invalid_argument);

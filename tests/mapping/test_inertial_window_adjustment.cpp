@@ -353,6 +353,27 @@ TEST_CASE("biases that do not walk are held by each other, not left free") {
   }
 }
 
+TEST_CASE("a motion whose covariance has no inverse is a hole: what is adjusted is as if it had not been measured") {
+  for (const bool all : {true, false}) {
+    CAPTURE(all);
+    inertial_map_scene s, unmeasured;
+    turbomap::preintegration_options exact_imu;
+    exact_imu.noise = {0, 0, 0, 0, 0};
+    for (std::size_t f = all ? 1 : 13; f < 14; ++f) {
+      const auto h = s.samples_between(static_cast<int>(f) - 1, static_cast<int>(f));
+      s.map.set_motion(s.keyframes[f], turbomap::preintegrate(h, s.truth[0].bias, exact_imu), h);
+      unmeasured.map.clear_motion(s.keyframes[f]);
+    }
+    const auto summary = inertial_run<sequential>(sequential{}, s)(13, {}, window_of(10));
+    const auto expected = inertial_run<sequential>(sequential{}, unmeasured)(13, {}, window_of(10));
+    CHECK(summary.inertial_edges == (all ? 0 : 9));
+    CHECK(summary.solve.iterations == expected.solve.iterations);
+    CHECK(summary.solve.cost_final == expected.solve.cost_final);
+    CHECK(distance(positions_of(s), positions_of(unmeasured)) == 0);
+    CHECK(largest_difference(s, unmeasured) == 0);
+  }
+}
+
 TEST_CASE("quaternions that are not quite of length 1, as floats give them, mean the same") {
   inertial_map_scene s, same;
   for (const auto& k : s.keyframes) {

@@ -34,18 +34,19 @@ class inertial_edges {
 
   /// What the IMU measured from a frame to the next one.
   /// \param first,second  places of the frames in the problem   \param oldest  whether no edge of the window comes before it
-  /// \return false where its covariance has no inverse (a single step of the sensor). The inertial factor is then left out;
-  ///         the walk of the biases is added all the same.
+  /// \param walk_alone  add the walk of the biases where its covariance has no inverse, so that there is no inertial factor
+  /// \return false where its covariance has no inverse (a single step of the sensor, no noise)
   /// \throws std::invalid_argument  an option is out of range
   bool add(std::int32_t first, std::int32_t second, const preintegration<double>& motion, bool oldest,
-           const inertial_window_options& options) {
+           const inertial_window_options& options, bool walk_alone = true) {
     require(options.oldest_edge_weight > 0 && options.oldest_edge_weight <= 1, "options.oldest_edge_weight",
             options.oldest_edge_weight, "must be in (0, 1]");
-    bias_walk_factor::row walk;
-    if (make_walk_row(motion, walk))
-      walk_first_.push_back(first), walk_second_.push_back(second), walks_.push_back(walk);
     inertial_factor::row row;
-    if (!make_inertial_row(motion, oldest ? options.oldest_edge_weight : 1, row)) return false;
+    const bool is_told = make_inertial_row(motion, oldest ? options.oldest_edge_weight : 1, row);
+    bias_walk_factor::row walk;
+    if ((is_told || walk_alone) && make_walk_row(motion, walk))
+      walk_first_.push_back(first), walk_second_.push_back(second), walks_.push_back(walk);
+    if (!is_told) return false;
     const bool robust = oldest || options.all_robust;
     (robust ? robust_first_ : first_).push_back(first);
     (robust ? robust_second_ : second_).push_back(second);

@@ -48,8 +48,9 @@ class inertial_window : public adjustment_window<Map> {
   /// Chooses the frames that follow each other, and what joins them; read() adds the rest. The caller holds the guard, here and in
   /// the next two. \param current  alive and in the store
   ///
-  /// A motion that is not known, or cannot be used, is left out: the chain has a hole there. Frames that nothing inertial joins
-  /// keep velocity and biases; where no fixed frame is before a hole's end, the biases of the first frame after it are held.
+  /// A motion that is not known, or cannot be used, or whose covariance has no inverse, is left out: the chain has a hole there.
+  /// Frames that nothing inertial joins keep velocity and biases; where no fixed frame is before a hole's end, the biases of the
+  /// first frame after it are held.
   /// \param known  asked for what is known of the last frame; null: nothing is, it is fixed
   /// \throws inconsistent_map  as adjustment_window, and a motion, velocity or bias that is not finite, or a motion of another
   ///         duration than the time between its keyframes, or beyond options.max_force; where the scope notes faults, these are
@@ -184,7 +185,8 @@ class inertial_window : public adjustment_window<Map> {
     for (std::size_t f = 0; f + 1 < chain_; ++f) {
       if (!read_motion(s, f, options, motion)) continue;
       const bool last = f + 2 == chain_, anchored = last && !begins_ && !prior_;
-      if (!edges_.add(static_cast<std::int32_t>(f + 1), static_cast<std::int32_t>(f), motion, anchored, window))
+      // A walk alone would hold biases to those of the first frame after the hole, which do not move.
+      if (!edges_.add(static_cast<std::int32_t>(f + 1), static_cast<std::int32_t>(f), motion, anchored, window, false))
         continue;
       ++joined_;
       held_[f] = 0;
