@@ -229,6 +229,40 @@ TEST_CASE("closed forms: at rest, a turn, measurements linear in time") {
   check(241 * ms, 249 * ms);  // after the last but one
 }
 
+TEST_CASE("samples whose times come in bursts: no slope is made of their noise") {
+  // At rest, 200 Hz, stamped in pairs 50 us apart; the interval begins and ends 5 ms outside of them.
+  std::mt19937_64 random(7);
+  std::normal_distribution<double> normal;
+  const turbomap::imu_noise noise;
+  const double gyro = noise.gyro * std::sqrt(200), force = noise.acceleration * std::sqrt(200);
+  const auto draw = [&](double sigma) {
+    const double x = sigma * normal(random), y = sigma * normal(random);
+    return vec3<double>{x, y, sigma * normal(random)};
+  };
+  for (int n = 0; n < 200; ++n) {
+    imu_motion m;
+    for (int i = 0; i < 10; ++i)
+      for (int pair = 0; pair < 2; ++pair) {
+        m.t_ns.push_back(i * 10 * ms + pair * ms / 20);
+        m.sample.push_back({draw(gyro), vec3<double>{0, 0, 9.81} + draw(force)});
+      }
+    const std::int64_t end = m.t_ns.back() + 5 * ms;
+    const auto p = preintegrate(m.samples(), find_interval(m.samples(), -5 * ms, end), imu_bias<double>{}, {});
+    const auto off = p.dV - p.dt * vec3<double>{0, 0, 9.81};
+    CHECK(turbomap::norm(off) < 8 * std::sqrt(p.C_VV(0, 0)));
+    CHECK(oracle_log(to_eigen(p.dR)).norm() < 8 * std::sqrt(p.C_RR(0, 0)));
+  }
+  // Farther out than twice the time between two samples the measurement is what it is there.
+  const std::vector<std::int64_t> t{0, 1 * ms};
+  const std::vector<imu_sample> line{{{0, 0, 1}, {0, 0, 0}}, {{0, 0, 2}, {0, 0, 0}}};
+  const auto at = [&](std::int64_t time) { return turbomap::detail::sample_at(t.data(), line.data(), 0, time).gyro.z; };
+  CHECK(at(-2 * ms) == -1);
+  CHECK(at(-9 * ms) == -1);
+  CHECK(at(3 * ms) == 4);
+  CHECK(at(9 * ms) == 4);
+  CHECK(at(ms / 2) == 1.5);
+}
+
 TEST_CASE("prediction: a body on a circle, in free fall") {
   // On a circle of radius r about z, nose outwards: the force points inwards, and upwards against gravity.
   const double r = 2, rate = 1.5, g = 9.81, seconds = 0.8;

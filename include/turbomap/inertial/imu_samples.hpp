@@ -36,7 +36,8 @@ struct imu_bias {
 
 /// The time from one frame to the next, and the samples that tell what happened in it. Samples first + 1 ... last - 1
 /// lie inside. The values at both ends come from the lines through the first two and the last two samples: interpolated
-/// where samples `first` and `last` lie outside, extrapolated where they do not. find_interval() chooses them.
+/// where samples `first` and `last` lie outside, extrapolated where they do not, by twice the time between the two at most, beyond
+/// which they stay. find_interval() chooses them.
 struct imu_interval {
   std::int64_t begin_ns = 0;  ///< time of the first frame
   std::int64_t end_ns = 0;    ///< time of the second frame

@@ -52,9 +52,11 @@ TURBOMAP_HD preintegration<S> integrate_step(const vec3<S>& w, const vec3<S>& a,
   return p;
 }
 
-/// The measurement at time t on the line through samples i and i + 1.
+/// The measurement at time t on the line through samples i and i + 1. Farther out than twice the time between them it stays what
+/// it is there: of two samples whose times are close, as drivers stamp them in bursts, the slope is noise.
 TURBOMAP_HD inline imu_sample sample_at(const std::int64_t* t_ns, const imu_sample* sample, int i, std::int64_t t) {
-  const double share = static_cast<double>(t - t_ns[i]) / static_cast<double>(t_ns[i + 1] - t_ns[i]);
+  const double along = static_cast<double>(t - t_ns[i]) / static_cast<double>(t_ns[i + 1] - t_ns[i]);
+  const double share = along < -2 ? -2 : along > 3 ? 3 : along;
   const auto mix = [share](const vec3<double>& a, const vec3<double>& b) { return a + share * (b - a); };
   return {mix(sample[i].gyro, sample[i + 1].gyro), mix(sample[i].acceleration, sample[i + 1].acceleration)};
 }
