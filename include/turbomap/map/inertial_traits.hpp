@@ -29,7 +29,8 @@
 ///       // False: initialised not long ago. The adjustment trusts its edges less then, and the map may turn. No stage sets it:
 ///       // false before the first initialisation, true after the second refinement
 ///       static bool refined(const my::Map&);
-///       // `removed` is about to be erased; `after` follows it. To keep samples: append(history of removed, that of after)
+///       // `removed` is about to be erased; `after` follows it, and has their motion already. To keep samples: append(history of
+///       // removed, that of after), which throws where they do not meet: catch it, and keep none
 ///       static void join_samples(my::Map&, keyframe removed, keyframe after);
 ///       // The bias of the keyframe before this one is another now. To integrate the samples again: needs_integration()
 ///       static void bias_changed(my::Map&, keyframe, const turbomap::imu_bias<double>&);
