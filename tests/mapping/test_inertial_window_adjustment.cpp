@@ -45,7 +45,14 @@ struct turbomap::map_traits<turbomap_test::entered_inertial_map> : turbomap::map
 };
 template <>
 struct turbomap::inertial_traits<turbomap_test::entered_inertial_map>
-    : turbomap::inertial_traits<turbomap_test::inertial_map> {};
+    : turbomap::inertial_traits<turbomap_test::inertial_map> {
+  /// What converts to a transform will do.
+  struct own_transform {
+    rigid_transform<double> T;
+    operator rigid_transform<double>() const { return T; }
+  };
+  static own_transform T_bc(const turbomap_test::entered_inertial_map& m) { return {m.T_bc()}; }
+};
 
 namespace {
 

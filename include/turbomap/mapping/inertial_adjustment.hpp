@@ -189,7 +189,7 @@ class inertial_adjustment {
     if (!keeps_prior_ || (!summary.inertial && !summary.stale)) forget();
     if (!summary.inertial) return;
     s.stored.at(traits::id(s.map, current));  // throws when it is not there
-    const auto& T_bc = inertial_traits<Map>::T_bc(s.map);
+    const rigid_transform<double> T_bc = inertial_traits<Map>::T_bc(s.map);
     check_pose("T_bc", T_bc);
     factor_.T_bc = to_isometry<double>(normalised(T_bc));
     factor_.gravity = inertial_traits<Map>::gravity(s.map);
