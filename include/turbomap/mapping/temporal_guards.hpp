@@ -20,7 +20,7 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map>
 struct temporal_state {
   using keyframe = typename map_traits<Map>::keyframe;  ///< names a keyframe
-  std::size_t keyframes = 0;                            ///< in the map; more than needed may be left uncounted
+  std::size_t keyframes = 0;                            ///< back to where its chain begins; not more than needed
   std::uint64_t first_kept = 0;                         ///< id of the earliest keyframe of the last ones, which stay
   std::uint64_t old_before = 0;                         ///< ids below are older than the keep_keyframes-th predecessor
 
