@@ -28,6 +28,10 @@ struct circular_map : inertial_map {
   using inertial_map::inertial_map;
   turbomap::map_keyframe_id first, last;
 };
+/// Its traits cannot name all of it.
+struct unlisted_map : inertial_map {
+  using inertial_map::inertial_map;
+};
 /// One point has no descriptor yet.
 struct bare_point_map : inertial_map {
   using inertial_map::inertial_map;
@@ -67,6 +71,13 @@ struct turbomap::map_traits<turbomap_test::circular_map> : turbomap::map_traits<
 };
 template <>
 struct turbomap::inertial_traits<turbomap_test::circular_map> : turbomap::inertial_traits<turbomap_test::inertial_map> {
+};
+template <>
+struct turbomap::map_traits<turbomap_test::unlisted_map> : turbomap::map_traits<turbomap_test::inertial_map> {
+  static void for_each_keyframe() = delete;
+};
+template <>
+struct turbomap::inertial_traits<turbomap_test::unlisted_map> : turbomap::inertial_traits<turbomap_test::inertial_map> {
 };
 template <>
 struct turbomap::map_traits<turbomap_test::bare_point_map> : turbomap::map_traits<turbomap_test::inertial_map> {
@@ -296,6 +307,21 @@ TEST_CASE("a T_bc that is no pose is refused, as an adjustment refuses it") {
     CHECK_THROWS_WITH_AS(initialise(map, s.keyframes.back()), doctest::Contains("T_bc"), std::invalid_argument);
     CHECK_FALSE(map.initialised());
   }
+}
+
+TEST_CASE("a map whose traits cannot name all of it is not scaled: said before anything is done") {
+  const auto s = visual_scene(1);
+  unlisted_map map(8, s.map.T_bc());
+  static_cast<inertial_map&>(map) = s.map;
+  turbomap::inertial_initialisation<unlisted_map> initialise;
+  turbomap::initialisation_options options;
+  options.monocular = true;
+  CHECK_THROWS_WITH_AS(initialise(map, s.keyframes.back(), options), doctest::Contains("for_each_keyframe"),
+                       std::invalid_argument);
+  CHECK(map.motion(s.keyframes[3])->bias.acceleration.x == 0);  // not integrated again
+  CHECK_FALSE(map.initialised());
+  options.monocular = false;
+  CHECK(initialise(map, s.keyframes.back(), options).end == initialisation_end::initialised);
 }
 
 TEST_CASE("a keyframe moved or taken out meanwhile: nothing is written") {

@@ -58,19 +58,23 @@ class inertial_initialisation {
     require(options.most_seconds >= options.min_seconds, "options.most_seconds", options.most_seconds,
             "must not be below min_seconds");
     check_not_negative("options.max_time_error", options.max_time_error);
+    require(scales || !options.monocular, "options.monocular", options.monocular,
+            "needs map_traits with for_each_keyframe and for_each_point");
     found_ = estimate(map, current, options);
     if constexpr (detail::inertial_has_v<Map, detail::inertial_bias_member>) {
       constexpr int most = 3;  // each time at a better bias: the change of the second is seldom worth a third
       for (int again = 0; again < most && found_.integrate_again && integrate(map); ++again)
         found_ = estimate(map, current, options);
     }
-    if (found_ && !stale_) commit(map, options.monocular);
+    if (found_ && !stale_) commit(map, options);
     return found_;
   }
   /// Whether somebody changed the keyframes meanwhile, so that nothing was written.
   bool stale() const { return stale_; }
 
  private:
+  static constexpr bool scales = detail::map_has_v<Map, detail::map_all_member>;
+
   initialisation estimate(Map& map, const keyframe& current, const initialisation_options& options) {
     snapshot(map, current, options);
     if (stale_) return {};
@@ -139,16 +143,12 @@ class inertial_initialisation {
     }
     return !stale_;
   }
-  void commit(Map& map, bool scale) {
+  void commit(Map& map, const initialisation_options& options) {
     [[maybe_unused]] const auto guard = map_guard(map);
     if (!unchanged(map)) return;
     const bool first = !inertial::initialised(map);
-    if (scale) {
-      if constexpr (detail::map_has_v<Map, detail::map_all_member>)
-        scale_map(map, found_.scale);
-      else
-        require(false, "options.monocular", scale, "needs map_traits with for_each_keyframe and for_each_point");
-    }
+    if constexpr (scales)
+      if (options.monocular) scale_map(map, found_.scale);
     inertial::set_gravity(map, found_.gravity);
     for (std::size_t i = 0; i < keyframes_.size(); ++i) {
       inertial::set_velocity(map, keyframes_[i], found_.velocity[i]);
