@@ -12,8 +12,10 @@
 #include <limits>
 #include <mutex>
 #include <stdexcept>
+#include <string>
 
 #include "inertial_initialisation_cases.hpp"
+#include "inertial_window_cases.hpp"
 
 namespace turbomap_test {
 
@@ -264,6 +266,24 @@ TEST_CASE("how far back it looks; keyframes before and after hear of the bias") 
   circle.set_motion(circle.first, *circle.motion(circle.last));
   turbomap::inertial_initialisation<circular_map> of_circle;
   CHECK(of_circle(circle, circle.last).velocity.size() == whole.keyframes.size());
+}
+
+TEST_CASE("keyframes before the estimate whose motion cannot be used get velocities by their poses alone") {
+  turbomap::initialisation_options options;
+  options.monocular = true, options.most_seconds = 3.5;  // 15 keyframes
+  auto unmeasured = visual_scene(3);
+  unmeasured.map.clear_motion(unmeasured.keyframes[2]);
+  turbomap::inertial_initialisation<inertial_map> initialise;
+  REQUIRE(initialise(unmeasured.map, unmeasured.keyframes[18], options).end == initialisation_end::initialised);
+  for (const auto what : {imu_damage::huge_velocity, imu_damage::huge_position, imu_damage::other_duration,
+                          imu_damage::motion_not_finite}) {
+    CAPTURE(std::string(to_string(what)));
+    auto s = visual_scene(3);
+    damage(s.map, s.keyframes[2], what);
+    REQUIRE(initialise(s.map, s.keyframes[18], options).end == initialisation_end::initialised);
+    CHECK(s.map.velocity(s.keyframes[1]).x == unmeasured.map.velocity(unmeasured.keyframes[1]).x);
+    CHECK(s.map.velocity(s.keyframes[0]).x == unmeasured.map.velocity(unmeasured.keyframes[0]).x);
+  }
 }
 
 TEST_CASE("not initialised: the map is as it was") {

@@ -156,12 +156,12 @@ class inertial_initialisation {
       if (i > 0) tell(map, keyframes_[i], found_.bias);
     }
     tell(map, traits::next(map, keyframes_.back()), found_.bias);
-    if (first) reach_back(map);
+    if (first) reach_back(map, options.max_time_error);
     inertial::set_initialised(map, true);
   }
   /// Keyframes before those of the estimate get its bias, and velocities by their poses: an adjustment takes the state of any keyframe
-  /// of an initialised map for an estimate.
-  void reach_back(Map& map) {
+  /// of an initialised map for an estimate. A motion that an adjustment would not take tells nothing of them.
+  void reach_back(Map& map, double max_time_error) {
     keyframe after = keyframes_.front();
     isometry<double> T_after = body(map, after);
     for (double time = traits::time(map, after);;) {
@@ -173,7 +173,9 @@ class inertial_initialisation {
       const isometry<double> T = body(map, k);
       vec3<double> moved = T_after.t - T.t;
       preintegration<double> motion;
-      if (inertial::motion(map, after, motion) && detail::is_usable(motion)) {
+      if (inertial::motion(map, after, motion) && detail::is_usable(motion) &&
+          detail::is_felt(motion, default_max_force) && motion.dt - dt <= max_time_error &&
+          dt - motion.dt <= max_time_error) {
         const vec3<double> dP = corrected(motion, found_.bias).dP;
         moved = moved - (0.5 * dt * dt) * found_.gravity - T.R * dP;
       }
