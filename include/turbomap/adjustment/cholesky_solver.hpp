@@ -16,6 +16,7 @@
 #include "../plain_vector.hpp"
 #include "block_cholesky.hpp"
 #include "dense_cholesky.hpp"
+#include "gradient_iterations.hpp"
 #include "order_observations.hpp"
 #include "reduced_system.hpp"
 #include "solve_dense.hpp"
@@ -38,6 +39,7 @@ struct solver_workspace {
         sums(staging),
         report(staging),
         survey(staging),
+        pcg(staging),
         observations(staging) {}
 
   dense_cholesky dense;                                 ///< for matrices in full
@@ -51,6 +53,7 @@ struct solver_workspace {
   array<double, host_memory> sums;                      ///< parts of sums on the host
   array<awaited<step_report>, host_memory> report;      ///< what a step gained, written by the policy
   array<awaited<survey_report>, host_memory> survey;    ///< what the first linearisation is like, written by the policy
+  array<awaited<gradient_state>, host_memory> pcg;      ///< how far it is, written by the policy
   array<observation_report, host_memory> observations;  ///< what the policy tells of lists that it made
   plain_vector<double> ordered_x;                       ///< x in an unknown_order
 };

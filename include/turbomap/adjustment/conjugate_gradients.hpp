@@ -8,6 +8,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 
 #include "../config.hpp"
 #include "../context.hpp"
@@ -15,6 +16,7 @@
 #include "../parallel.hpp"
 #include "cholesky_solver.hpp"
 #include "frame_vectors.hpp"
+#include "gradient_iterations.hpp"
 #include "host_sums.hpp"
 #include "reduced_system.hpp"
 #include "schur_product.hpp"
@@ -36,15 +38,23 @@ class pcg_solver final : public detail::step_solver<Policy> {
     product_ = ctx.template scratch<double>(f);
     y_ = ctx.template scratch<double>(3 * static_cast<std::size_t>(s.landmarks));
     s_.blocks = 0;  // the diagonal ones alone
+    if constexpr (!on_host_) {
+      residual_ = ctx.template scratch<double>(f);
+      states_ = ctx.template scratch<gradient_state>(2);
+      lost_ = ctx.template scratch<std::int32_t>(1);
+      workspace.pcg.resize_discard(2);
+    }
   }
 
-  /// Solves the damped system. The host reads inner products in every iteration.
+  /// Solves the damped system. Where the host computes, or cannot be told by the policy, it reads inner products in every iteration.
   reduced_step solve(context<Policy>& ctx, const damping& damping) override {
     const auto& policy = ctx.policy();
     const int f = s_.free_frames;
     const std::size_t n = static_cast<std::size_t>(f) * D;
     launch_reduce_blocks<V, D>(policy, s_, {blocks_, r_, 0, false}, damping);
     launch_factorise_blocks<D>(policy, f, blocks_, product_);
+    if constexpr (!on_host_)
+      if (can_hand_over(workspace_.pcg.data())) return solve_there(ctx, damping);
     if (sum(ctx) != f) return {};
     fill_bytes(policy, x_, 0, n * sizeof(double));
     launch_precondition_frames<D>(policy, f, blocks_, r_, z_, product_);
@@ -71,6 +81,31 @@ class pcg_solver final : public detail::step_solver<Policy> {
   }
 
  private:
+  static constexpr bool on_host_ = is_host_accessible_v<memory_of_t<Policy>>;
+
+  /// The same, where the policy tells how far it is: one iteration is enqueued ahead.
+  reduced_step solve_there(context<Policy>& ctx, const damping& damping) {
+    const auto& policy = ctx.policy();
+    const int f = s_.free_frames;
+    const std::size_t n = static_cast<std::size_t>(f) * D;
+    auto* const reports = workspace_.pcg.data();
+    const gradient_vectors v{f, blocks_, x_, r_, z_, p_, q_, product_, residual_, states_, lost_};
+    fill_bytes(policy, x_, 0, n * sizeof(double));
+    launch_precondition_frames<D>(policy, f, blocks_, r_, z_, residual_);
+    launch_combine_frames<D>(policy, f, z_, 0, z_, p_, nullptr);
+    launch_begin_gradients(policy, v, tolerance_, reports);
+    int turn = 0;
+    for (int i = 0; i < max_iterations_; ++i) {
+      launch_gradient_iteration<V, D>(policy, s_, damping, y_, v, turn, reports + 1 - turn);
+      if (wait_for(policy, reports[turn]).ended != 0) break;
+      turn = 1 - turn;
+    }
+    const gradient_state state = wait_for(policy, reports[turn]);
+    const double* x = on_host(ctx, x_, n, workspace_.x);  // waits: no report is under way any more
+    if (state.solvable == 0) return {};
+    return {detail::is_finite(state.rz), state.iterations, x_, x};
+  }
+
   double sum(context<Policy>& ctx) {
     const auto n = static_cast<std::size_t>(s_.free_frames);
     return detail::sum_in_order(on_host(ctx, product_, n, workspace_.matrix), n);
@@ -81,7 +116,9 @@ class pcg_solver final : public detail::step_solver<Policy> {
   double tolerance_;
   int max_iterations_;
   double *x_ = nullptr, *r_ = nullptr, *z_ = nullptr, *p_ = nullptr, *q_ = nullptr, *blocks_ = nullptr,
-         *product_ = nullptr, *y_ = nullptr;
+         *product_ = nullptr, *residual_ = nullptr, *y_ = nullptr;
+  gradient_state* states_ = nullptr;
+  std::int32_t* lost_ = nullptr;
 };
 
 TURBOMAP_END_NAMESPACE

@@ -60,6 +60,12 @@ struct schur_product_tuning {
   static constexpr int warps = 8;  ///< per block
 };
 
+/// launch_begin_gradients, one block; launch_gradient_iteration: a thread per frame, and each block sums parts of all frames.
+struct gradient_tuning {
+  static constexpr int begin_threads = 1024;  ///< of the one block
+  static constexpr int threads = 128;         ///< per block
+};
+
 /// launch_adjust_poses: a cluster of blocks per frame, which has a few hundred to a thousand observations: most threads have one.
 /// The same for one frame and for thousands, so that the bits of a frame do not depend on the others.
 struct adjust_poses_tuning {
