@@ -7,6 +7,8 @@
 
 #include <cmath>
 #include <cstdio>
+#include <limits>
+#include <stdexcept>
 #include <vector>
 
 #include "ros2/src/pose_mapper.hpp"
@@ -26,6 +28,16 @@ int main() {
     drift += 0.003;
     if (!choice.wants(odometry, options)) continue;
     choice = {odometry, true};
+    if (keyframes == 10) {  // an odometry that is lost: refused, and the next keyframe goes on from the one before
+      turbomap::rigid_transform<double> lost = odometry;
+      lost.tx = std::numeric_limits<double>::quiet_NaN();
+      try {
+        mapper.add(view.keypoints, view.descriptors, lost, 0.1 * n);
+        return 1;
+      } catch (const std::invalid_argument& error) {
+        std::printf("%s\n", error.what());
+      }
+    }
     const auto& report = mapper.add(view.keypoints, view.descriptors, odometry, 0.1 * n);
     std::printf("keyframe %2d: %zu neighbours, %3zu points created, %3zu merged, %3zu observations added, %.1f ms\n",
                 keyframes++, report.neighbours, report.points_created, report.fused.merged,

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <condition_variable>
 #include <cstdlib>
+#include <limits>
 #include <mutex>
 #include <opencv2/imgproc.hpp>
 
@@ -44,6 +45,8 @@ void rclcpp::spin(const std::shared_ptr<Node>&) {
         wall,
         cv::Rect(random.uniform(-10, 1190), random.uniform(-10, 470), random.uniform(5, 40), random.uniform(5, 40)),
         cv::Scalar(random.uniform(0, 256)), cv::FILLED);
+  // What a system sends that is not ready yet: the node says so, and waits for better.
+  deliver("camera_info", sensor_msgs::msg::CameraInfo{});  // not calibrated
   sensor_msgs::msg::CameraInfo info;
   info.width = 640, info.height = 480, info.distortion_model = "plumb_bob", info.d.assign(5, 0);
   info.k = {400, 0, 320, 0, 400, 240, 0, 0, 1};
@@ -62,6 +65,16 @@ void rclcpp::spin(const std::shared_ptr<Node>&) {
     std::unique_lock<std::mutex> held(mutex);
     return published.wait_for(held, std::chrono::seconds(60), [&] { return paths == images; });
   };
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), 0.0}) {
+    geometry_msgs::msg::PoseStamped pose{{{-2, 0}, "odometry"}, {}};
+    pose.pose.position.x = pose.pose.orientation.w = bad;
+    deliver("pose", pose);
+    deliver("image",
+            sensor_msgs::msg::Image{{{-2, 0}, "camera"}, 480, 640, "mono8", 640, {wall.data, wall.data + 640 * 480}});
+  }
+  send_pose(-1);
+  deliver("image", sensor_msgs::msg::Image{
+                       {{-1, 0}, "camera"}, 480, 640, "bayer_rggb8", 640, {wall.data, wall.data + 640 * 480}});
   bool in_time = true;
   for (std::int32_t n = 0; n < 4; ++n) {
     send_pose(n), send_image(n);

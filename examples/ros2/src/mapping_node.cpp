@@ -42,10 +42,11 @@ struct frame {
   rclcpp::Time stamp;
 };
 
-/// Camera to world, as odometry publishes it, as world to camera.
-pose_mapper::pose world_to_camera(const geometry_msgs::msg::Pose& p) {
-  const pose_mapper::pose T_wc{p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w,
-                               p.position.x,    p.position.y,    p.position.z};
+/// Camera to world, as odometry publishes it.
+pose_mapper::pose camera_to_world(const geometry_msgs::msg::Pose& p) {
+  return {p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w, p.position.x, p.position.y, p.position.z};
+}
+pose_mapper::pose world_to_camera(const pose_mapper::pose& T_wc) {
   return turbomap::to_rigid_transform(turbomap::inverse(turbomap::to_isometry<double>(T_wc)));
 }
 
@@ -83,6 +84,10 @@ class mapping_node : public rclcpp::Node {
  private:
   void take(const sensor_msgs::msg::CameraInfo& m) {
     if (mapper_) return;
+    if (!(m.k[0] > 0)) {
+      RCLCPP_ERROR_ONCE(get_logger(), "camera_info: K is empty: the camera is not calibrated");
+      return;
+    }
     cv::Mat(3, 3, CV_64F, const_cast<double*>(m.k.data())).copyTo(K_);
     cv::Mat(m.d, true).copyTo(distortion_);
     if (m.distortion_model != "plumb_bob" && m.distortion_model != "rational_polynomial" && !m.d.empty()) {
@@ -124,20 +129,23 @@ class mapping_node : public rclcpp::Node {
   }
 
   void take(const sensor_msgs::msg::Image& m, const geometry_msgs::msg::Pose& pose) {
+    const auto T_wc = camera_to_world(pose);
+    if (!turbomap::is_pose(T_wc))
+      return lacks("pose that is finite and of a unit quaternion");  // nor may a choice rest on it
     frame f;
-    f.T_cw = world_to_camera(pose), f.stamp = m.header.stamp;
+    f.T_cw = world_to_camera(T_wc), f.stamp = m.header.stamp;
     {
       const std::lock_guard<std::mutex> held(mutex_);
       if (!last_.wants(f.T_cw, options_)) return;
     }
-    cv::Mat image(static_cast<int>(m.height), static_cast<int>(m.width), m.encoding == "mono8" ? CV_8UC1 : CV_8UC3,
-                  const_cast<std::uint8_t*>(m.data.data()), m.step);
-    if (m.encoding == "bgr8" || m.encoding == "rgb8")
-      cv::cvtColor(image, image, m.encoding == "bgr8" ? cv::COLOR_BGR2GRAY : cv::COLOR_RGB2GRAY);
-    else if (m.encoding != "mono8") {
+    const bool is_gray = m.encoding == "mono8";
+    if (!is_gray && m.encoding != "bgr8" && m.encoding != "rgb8") {
       RCLCPP_ERROR_ONCE(get_logger(), "image: encoding '%s' is none of mono8, bgr8, rgb8", m.encoding.c_str());
       return;
     }
+    cv::Mat image(static_cast<int>(m.height), static_cast<int>(m.width), is_gray ? CV_8UC1 : CV_8UC3,
+                  const_cast<std::uint8_t*>(m.data.data()), m.step);
+    if (!is_gray) cv::cvtColor(image, image, m.encoding == "bgr8" ? cv::COLOR_BGR2GRAY : cv::COLOR_RGB2GRAY);
     std::vector<cv::KeyPoint> found;
     cv::Mat descriptors;
     orb_->detectAndCompute(image, {}, found, descriptors);

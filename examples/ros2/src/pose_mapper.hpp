@@ -14,6 +14,7 @@
 #include <turbomap/descriptor/binary.hpp>
 #include <turbomap/error.hpp>
 #include <turbomap/local_mapper.hpp>
+#include <turbomap/map/map_edit.hpp>
 #include <turbomap/map/simple_map/simple_map.hpp>
 #include <turbomap/map/validate.hpp>
 #include <turbomap/math/linear.hpp>
@@ -62,7 +63,8 @@ class pose_mapper {
 
   /// A keyframe of undistorted keypoints with 32 bytes each, at the odometry's pose. It enters the map at the pose of the keyframe
   /// before and the odometry's motion since, so that what mapping has mended stays.
-  /// Throws std::invalid_argument where there are not 32 bytes per keypoint; the map is as it was.
+  /// Throws std::invalid_argument where there are not 32 bytes per keypoint, and for a pose or keypoint that the mapper refuses;
+  /// the map is as it was.
   const turbomap::mapping_report& add(const std::vector<turbomap::keypoint>& keypoints,
                                       const std::vector<std::uint8_t>& descriptors, const pose& odometry_T_cw,
                                       double time_s) {
@@ -77,10 +79,15 @@ class pose_mapper {
       T_cw = turbomap::to_rigid_transform(motion * turbomap::to_isometry<double>(map_.T_cw(before)));
     }
     const auto k = map_.add_keyframe(keypoints, T_cw, time_s, before);
+    try {
+      mapper_.insert(k, turbomap::keyframe_data<orb, camera>{static_cast<int>(keypoints.size()), keypoints.data(),
+                                                             descriptors.data(), rig_.cameras, 1, bounds_});
+    } catch (...) {  // else the next keyframe would stand on one that nobody can use
+      turbomap::erase_keyframe(map_, k);
+      throw;
+    }
     keyframes_.push_back(k);
     odometry_ = odometry_T_cw;
-    mapper_.insert(k, turbomap::keyframe_data<orb, camera>{static_cast<int>(keypoints.size()), keypoints.data(),
-                                                           descriptors.data(), rig_.cameras, 1, bounds_});
     return mapper_.process(k);
   }
 
