@@ -10,8 +10,11 @@
 
 #include <cstdint>
 #include <limits>
+#include <map>
+#include <random>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 namespace {
 
@@ -58,6 +61,24 @@ TEST_CASE("an id has one handle: a second is refused, and the first stays") {
   CHECK_THROWS_AS(table.at(5), std::invalid_argument);
   table.add(5, {2, 2});
   CHECK(table.at(5) == handle{2, 2});
+}
+
+TEST_CASE("ids that come and go in any order, against a std::map") {
+  std::mt19937 random(3);
+  turbomap::handle_table table;
+  std::map<std::uint64_t, handle> truth;
+  for (std::uint32_t step = 1; step <= 400; ++step) {
+    const std::uint64_t id = random() % 40;
+    if (truth.count(id) != 0)
+      table.erase(id), truth.erase(id);
+    else
+      table.add(id, {step, 1}), truth[id] = {step, 1};
+    std::vector<handle> listed, expected;
+    table.for_each_handle([&](handle h) { listed.push_back(h); });
+    for (const auto& [known, h] : truth) expected.push_back(h);
+    REQUIRE(listed == expected);
+    for (std::uint64_t any = 0; any < 40; ++any) REQUIRE(table.contains(any) == (truth.count(any) != 0));
+  }
 }
 
 }  // namespace

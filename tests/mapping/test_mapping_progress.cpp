@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Whether a keyframe goes on: what is skipped, what stops, and what is reported as cut. No deadline is near.
+// Whether a keyframe goes on: what is skipped, what stops, what is reported as cut, and what is timed. No deadline is near.
 
 #include <doctest/doctest.h>
 
@@ -63,6 +63,44 @@ TEST_CASE("a stage that is cut says so, and no other does") {
   CHECK(report.outcome[mapping_stage::creation] == stage_outcome::off);
   CHECK(report.cut);
   CHECK(told == 3);
+}
+
+/// Spends `ms` of the clock.
+void spend(const turbomap::mapping_progress& progress, double ms) {
+  for (const double begin = progress.elapsed_ms(); progress.elapsed_ms() - begin < ms;) {
+  }
+}
+
+TEST_CASE("a stage that runs twice reports the time of both") {
+  const some_hooks hooks{};
+  turbomap::mapping_progress progress;
+  turbomap::mapping_report report;
+  progress.start(0);
+  spend(progress, 5);  // is of no stage
+  const double begin = progress.elapsed_ms();
+  for (const double least : {1.0, 2.0}) {
+    progress.run(mapping_stage::fusion, report, hooks, [&] { spend(progress, 1); });
+    CHECK(report.ms[mapping_stage::fusion] >= least);
+    CHECK(report.ms[mapping_stage::fusion] <= progress.elapsed_ms() - begin);
+  }
+  CHECK(report.ms[mapping_stage::adjustment] == 0);
+}
+
+TEST_CASE("what a piece of work took is expected of the next one, and held against the deadline") {
+  using turbomap::mapping_piece;
+  constexpr double days = 1e9;  // ms: so long that the clock of the test does not matter
+  turbomap::mapping_progress progress;
+  progress.start(days);
+  CHECK(progress.left_ms() <= days);
+  CHECK(progress.fits(mapping_piece::fuse_target, 1e300));  // never seen
+  spend(progress, 5);                                       // is of no piece
+  const double begin = progress.elapsed_ms();
+  progress.timed(mapping_piece::fuse_target, 2, [&] { spend(progress, 2); });
+  const double each = (progress.elapsed_ms() - begin) / 2;  // at most; at least 1 ms
+  CHECK(progress.fits(mapping_piece::fuse_target, 0.9 * days / each));
+  CHECK_FALSE(progress.fits(mapping_piece::fuse_target, days));
+  CHECK(progress.fitting(mapping_piece::fuse_target, 2'000'000'000) < 1'000'000'001);
+  CHECK(progress.fits(mapping_piece::cull_keyframe, 1e300));  // another piece
 }
 
 }  // namespace
