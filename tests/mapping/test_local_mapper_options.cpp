@@ -13,6 +13,53 @@
 using turbomap::local_mapper_options;
 using turbomap::mapping_stage;
 
+TEST_CASE("the four sets of defaults, as docs/local_mapping.md tells them") {
+  const turbomap::pyramid scales{1.5F, 4};
+  const auto stereo = local_mapper_options::stereo(0.11, 4.4, scales);
+  const auto mono = local_mapper_options::monocular(scales);
+  const auto inertial = local_mapper_options::stereo_inertial(0.11, 4.4, scales);
+  const auto mono_inertial = local_mapper_options::monocular_inertial(scales);
+  for (const auto* o : {&stereo, &mono, &inertial, &mono_inertial}) {
+    const bool is_mono = o == &mono || o == &mono_inertial, has_imu = o == &inertial || o == &mono_inertial;
+    CAPTURE(is_mono);
+    CAPTURE(has_imu);
+    const auto& around = o->neighbours.neighbourhood;
+    CHECK(around.neighbours == (is_mono ? 30 : 10));
+    CHECK(around.temporal_neighbours == (has_imu ? 11 : 0));
+    CHECK(around.second_neighbours == 20);
+    CHECK(around.temporal_targets == (has_imu ? 20 : 0));
+    CHECK(o->neighbours.stereo_baseline == (is_mono ? 0 : 0.11));
+    CHECK(o->neighbours.baseline_rule.min_baseline_depth_ratio == 0.01);
+    CHECK(o->creation.max_parallax_cosine == (has_imu ? 0.9996 : 0.9998));
+    CHECK(o->point_culling.patience == 2);
+    CHECK(o->point_culling.fewest_measurements == (is_mono ? 2 : 3));
+    CHECK(o->keyframe_culling.redundant_share == (o == &inertial ? 0.5F : 0.9F));
+    CHECK(o->keyframe_culling.max_depth == (is_mono ? 0.0F : 4.4F));
+    CHECK(o->keyframe_culling.temporal_guards == has_imu);
+    for (const auto& s : {o->search.scales, o->creation.scales, o->fusion.search.scales, o->adjustment.scales})
+      CHECK((s.scale_factor == 1.5F && s.levels == 4));
+    CHECK(o->fusion.commit.tolerance.scale_factor == 1.5F);
+    // What balanced() and accurate() are compared with.
+    CHECK(o->adjustment.outlier_factor == 1);
+    CHECK(o->fusion.search.radius == 3);
+    CHECK(o->fusion.search.finer_octaves == 1);
+    CHECK(o->fusion.search.coarser_octaves == 0);
+    CHECK(o->creation.known_octaves == 1);
+    CHECK_FALSE(o->covariances);
+    CHECK_FALSE(o->fusion.covariances);
+    CHECK(o->extra_rounds == 0);
+    CHECK(o->adjustment.solve.max_iterations == 10);
+    CHECK(o->adjustment.solve.min_relative_decrease == 3e-4);
+    CHECK(o->keyframe_culling.observers == 3);
+    for (const bool enabled : o->enabled.values) CHECK(enabled);
+    CHECK(o->most_views == 128);
+    CHECK(o->checked_share == 0.01);
+    CHECK(o->points_read_per_guard == 1024);
+    CHECK(o->deadline_ms == 0);
+    CHECK_FALSE(o->strict);
+  }
+}
+
 TEST_CASE("accurate: what belongs to the sensor stays") {
   const turbomap::pyramid scales{1.5F, 4};
   const auto stereo = local_mapper_options::stereo(0.11, 4.4, scales).accurate();
