@@ -168,11 +168,9 @@ TEST_CASE("bad plans are refused with the map as it was") {
   CHECK_THROWS_AS(c.run({c.entry(0, 2, 2), c.entry(2, 0, 0, creation_outcome::scale)}), std::invalid_argument);
   CHECK(everything(c.map) == before);
   CHECK(c.created.empty());
-  try {
-    c.run({c.entry(0, 0, 4)});
-  } catch (const std::invalid_argument& e) {
-    CHECK(std::string(e.what()) == "turbomap: observations[].keypoint = 4: is not a keypoint of the keyframe");
-  }
+  CHECK_THROWS_WITH_AS(c.run({c.entry(0, 0, 4)}),
+                       "turbomap: observations[].keypoint = 4: is not a keypoint of the keyframe",
+                       std::invalid_argument);
 }
 
 TEST_CASE("slots that contradict the map are refused before the first point is made") {

@@ -266,11 +266,8 @@ TEST_CASE("bad plans and options are refused with the map as it was") {
   o.tolerance.position_chi2 = -1, refuses();
   CHECK(everything(f.map) == before);
   CHECK(f.commit.touched().empty());
-  try {
-    f.run({{0, 0, 8}});
-  } catch (const std::invalid_argument& e) {
-    CHECK(std::string(e.what()) == "turbomap: plan[].keypoint = 8: is not a keypoint of the target");
-  }
+  CHECK_THROWS_WITH_AS(f.run({{0, 0, 8}}), "turbomap: plan[].keypoint = 8: is not a keypoint of the target",
+                       std::invalid_argument);
   CHECK(f.run({{1, 0, 1}}) == actions{added});  // as good as new
 }
 

@@ -161,6 +161,9 @@ TEST_CASE("bad options are refused") {
   refuses([](auto& o) { o.min_found_ratio = std::numeric_limits<float>::quiet_NaN(); });
   refuses([](auto& o) { o.patience = -1; });
   refuses([](auto& o) { o.probation = 1; });
+  turbomap::map_point_culling_options least;
+  least.min_found_ratio = 0, least.patience = least.probation = 0;
+  CHECK(turbomap::cull_recent_points(map, recent, 0, least).dropped == 1);  // by its measurements, at once
 }
 
 }  // namespace
