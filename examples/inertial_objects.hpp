@@ -4,7 +4,8 @@
 
 /// \file
 /// The system of object_graph.hpp with an IMU: its keyframes know those before and after them in time, a velocity, biases, and
-/// what the IMU measured since the one before. Below them what the library asks for beside the traits of object_graph.hpp.
+/// what the IMU measured since the one before. Below them what the library asks for beside the traits of object_graph.hpp. Locks
+/// are as there: what is written here holds the lock of the map, the guard, and that of the keyframe.
 
 #include <array>
 #include <deque>
@@ -41,12 +42,17 @@ struct turbomap::map_traits<my::InertialMap> : turbomap::map_traits<my::Map> {
   static double time(const my::Map&, keyframe k) { return of(k)->time; }
   static keyframe previous(const my::Map&, keyframe k) { return of(k)->previous; }
   static keyframe next(const my::Map&, keyframe k) { return of(k)->next; }
-  static void erase_keyframe(my::Map&, keyframe k) {
-    const lock held(k->mutex);
-    auto* gone = change(k);
-    gone->bad = true;
-    if (gone->previous != nullptr) gone->previous->next = gone->next;
-    if (gone->next != nullptr) gone->next->previous = gone->previous;
+  static void erase_keyframe(my::Map& m, keyframe k) {
+    my::InertialKeyFrame *const before = of(k)->previous, *const after = of(k)->next;
+    if (before != nullptr) {
+      const lock held(before->mutex);  // one object at a time
+      before->next = after;
+    }
+    if (after != nullptr) {
+      const lock held(after->mutex);
+      after->previous = before;
+    }
+    turbomap::map_traits<my::Map>::erase_keyframe(m, k);
   }
   template <class F>
   static void for_each_keyframe(const my::InertialMap& m, F f) {
@@ -75,15 +81,23 @@ struct turbomap::inertial_traits<my::InertialMap> {
     motion = *traits::of(k)->measured;
     return true;
   }
-  static void set_velocity(map&, keyframe k, const vector& v) { traits::change(k)->velocity = {v.x, v.y, v.z}; }
+  static void set_velocity(map&, keyframe k, const vector& v) {
+    const traits::lock held(k->mutex);
+    traits::change(k)->velocity = {v.x, v.y, v.z};
+  }
   static void set_bias(map&, keyframe k, const turbomap::imu_bias<double>& b) {
+    const traits::lock held(k->mutex);
     traits::change(k)->gyro_bias = {b.gyro.x, b.gyro.y, b.gyro.z};
     traits::change(k)->acceleration_bias = {b.acceleration.x, b.acceleration.y, b.acceleration.z};
   }
   static void set_motion(map&, keyframe k, const turbomap::preintegration<double>& p) {
+    const traits::lock held(k->mutex);
     traits::change(k)->measured = p;
   }
-  static void clear_motion(map&, keyframe k) { traits::change(k)->measured.reset(); }
+  static void clear_motion(map&, keyframe k) {
+    const traits::lock held(k->mutex);
+    traits::change(k)->measured.reset();
+  }
 
  private:
   static vector read(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
