@@ -8,7 +8,8 @@
 ///                                                  leaves as one.png and two.png
 ///     01_match_two_images ONE TWO MODEL            your photographs; MODEL has cameras.txt and images.txt as COLMAP writes
 ///
-/// Writes matches.png and points.ply into the current folder. Exit status 0 when the result is sane, 1 when not.
+/// Writes matches.png and points.ply into the current folder. Exit status 0 when the result is sane, 1 when not, 2
+/// where a file cannot be read or written.
 
 #include <thrust/execution_policy.h>
 
@@ -56,6 +57,10 @@ features find_features(const example::view& view, const camera& pinhole) {
   return f;
 }
 
+void write_image(const char* file, const cv::Mat& image) {
+  if (!cv::imwrite(file, image)) throw std::runtime_error(std::string(file) + " cannot be written");
+}
+
 void write_ply(const char* file, const std::vector<turbomap::created_point>& points, const example::view& view,
                const features& f) {
   std::ofstream out(file);
@@ -67,6 +72,7 @@ void write_ply(const char* file, const std::vector<turbomap::created_point>& poi
     out << p.position.x << ' ' << p.position.y << ' ' << p.position.z << ' ' << gray << ' ' << gray << ' ' << gray
         << '\n';
   }
+  if (!out.flush()) throw std::runtime_error(std::string(file) + " cannot be written");
 }
 
 int run(const std::vector<example::view>& views, bool rendered) {
@@ -104,7 +110,7 @@ int run(const std::vector<example::view>& views, bool rendered) {
   for (const auto& p : points) lines.emplace_back(p.query, p.candidate, 0.0F);
   cv::Mat drawn;
   cv::drawMatches(views[0].image, found[0].raw, views[1].image, found[1].raw, lines, drawn);
-  cv::imwrite("matches.png", drawn);
+  write_image("matches.png", drawn);
   write_ply("points.ply", points, views[0], found[0]);
   std::printf("%d and %d keypoints, %zu matches, %zu points: see matches.png, points.ply\n", pinned[0].keypoint_count,
               pinned[1].keypoint_count, plan.size(), points.size());
@@ -130,8 +136,8 @@ int main(int argc, char** argv) try {
   const std::string door = data == nullptr ? "" : std::string(data) + "/lund-door";
   if (data == nullptr || !std::filesystem::exists(door)) {
     const auto views = example::render_views();
-    cv::imwrite("one.png", views[0].image);  // both can be given as photographs of one's own
-    cv::imwrite("two.png", views[1].image);
+    write_image("one.png", views[0].image);  // both can be given as photographs of one's own
+    write_image("two.png", views[1].image);
     return run(views, true);
   }
   return run(example::read_views({door + "/images/DSC_0005.JPG", door + "/images/DSC_0007.JPG"},
