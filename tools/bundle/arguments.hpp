@@ -19,7 +19,7 @@ struct arguments {
   std::string policy = "seq";
   std::string solver = "automatic";   ///< automatic, dense, sparse, pcg
   std::string precision = "float64";  ///< float64, mixed, float32
-  std::string kernel;                 ///< huber, none; empty: none for bal, else huber
+  std::string kernel;                 ///< huber, none; empty: none for bal and generated, else huber
   int iterations = 10;
   std::string damping;      ///< identity, diagonal; empty: identity for lba, else diagonal
   double lambda_scale = 0;  ///< first damping, relative to the largest diagonal element, or to each; 0: 1e-5, 1e-4

@@ -147,7 +147,7 @@ inline void perturb(turbomap::reprojection_data& d, const arguments& a) {
   }
 }
 
-/// Reads the input. Throws bad_file naming file and reason.
+/// Reads the input. Throws bad_file naming file and reason, and std::invalid_argument where a problem cannot be perturbed.
 inline loaded_problem load(const arguments& a, const std::string& format) {
   loaded_problem p = [&]() -> loaded_problem {
     if (format == "schur") return turbomap::read_schur_system(a.input);
@@ -161,7 +161,11 @@ inline loaded_problem load(const arguments& a, const std::string& format) {
   if (a.perturb_m != 0 || a.perturb_rad != 0)
     std::visit(
         [&](auto& problem) {
-          if constexpr (is_rig_problem<std::decay_t<decltype(problem)>>::value) perturb(problem.data, a);
+          if constexpr (is_rig_problem<std::decay_t<decltype(problem)>>::value)
+            perturb(problem.data, a);
+          else
+            throw std::invalid_argument(
+                "--perturb-m, --perturb-rad: are for problems of reprojections, not for this one");
         },
         p);
   return p;

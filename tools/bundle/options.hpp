@@ -17,7 +17,8 @@ inline void add_options(CLI::App& app, arguments& a) {
       ->check(CLI::IsMember({"automatic", "dense", "sparse", "pcg"}));
   app.add_option("--precision", a.precision, "numbers that TurboMap computes in")
       ->check(CLI::IsMember({"float64", "mixed", "float32"}));
-  app.add_option("--kernel", a.kernel, "robust kernel: none for bal, else huber (5.991, stereo 7.815) when not given")
+  app.add_option("--kernel", a.kernel,
+                 "robust kernel: none for bal and generated, else huber (5.991, stereo 7.815) when not given")
       ->check(CLI::IsMember({"huber", "none"}));
   app.add_option("--iterations", a.iterations, "at most so many")->check(CLI::NonNegativeNumber);
   app.add_option("--damping", a.damping, "of H: lambda I, or lambda diag(H), which is the default but for lba")
@@ -25,9 +26,9 @@ inline void add_options(CLI::App& app, arguments& a) {
   app.add_option("--lambda-scale", a.lambda_scale,
                  "first damping: 1e-5 of the largest diagonal element, or 1e-4 of each, when not given")
       ->check(CLI::PositiveNumber);
-  app.add_option("--perturb-m", a.perturb_m, "noise added to free positions and landmarks (not bal)")
+  app.add_option("--perturb-m", a.perturb_m, "noise added to free positions and landmarks (of reprojections only)")
       ->check(CLI::NonNegativeNumber);
-  app.add_option("--perturb-rad", a.perturb_rad, "noise added to free rotations (not bal)")
+  app.add_option("--perturb-rad", a.perturb_rad, "noise added to free rotations (of reprojections only)")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--json", a.json, "write the result to this file");
 }

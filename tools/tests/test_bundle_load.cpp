@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: Copyright 2026 The TurboMap authors
 // SPDX-License-Identifier: Apache-2.0
 
-// What turbomap-bundle says of an input that holds no problem.
+// What turbomap-bundle says of an input that holds no problem, and of noise that is not for it.
 
+#include <stdexcept>
 #include <string>
 
 #include <doctest/doctest.h>
@@ -27,4 +28,15 @@ TEST_CASE("a folder without a file of the format is named, and the file that it 
     CHECK(has(error(format), folder.path().string()));
   }
   CHECK(has(bad_file_message([&] { turbomap_bundle::format_of(a.input); }), "holds no problem of a known format"));
+}
+
+TEST_CASE("a problem that cannot be perturbed is not taken as it is where that is asked for") {
+  turbomap_bundle::arguments a;
+  a.input = "20,100,400", a.format = "generated";
+  turbomap_bundle::load(a, a.format);
+  for (double* noise : {&a.perturb_m, &a.perturb_rad}) {
+    *noise = 0.1;
+    CHECK_THROWS_WITH_AS(turbomap_bundle::load(a, a.format), doctest::Contains("--perturb-m"), std::invalid_argument);
+    *noise = 0;
+  }
 }
