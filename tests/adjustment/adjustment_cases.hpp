@@ -17,6 +17,8 @@
 #include <turbomap/camera/kannala_brandt.hpp>
 #include <turbomap/camera/pinhole.hpp>
 
+#include "support/larger_or_nan.hpp"
+
 namespace turbomap_test {
 
 using turbomap::pose_frame;
@@ -127,18 +129,20 @@ adjusted adjust_scene(const Policy& policy, const adjustment_scene& s, const tur
   return a;
 }
 
+/// The largest difference of a number of poses and points. NaN where a result holds one.
 inline double distance(const adjusted& a, const adjusted& b) {
+  if (a.poses.size() != b.poses.size() || a.points.size() != b.points.size()) return HUGE_VAL;
   double d = 0;
   for (std::size_t f = 0; f < a.poses.size(); ++f) {
     const double p[7] = {a.poses[f].qx, a.poses[f].qy, a.poses[f].qz, a.poses[f].qw,
                          a.poses[f].tx, a.poses[f].ty, a.poses[f].tz};
     const double q[7] = {b.poses[f].qx, b.poses[f].qy, b.poses[f].qz, b.poses[f].qw,
                          b.poses[f].tx, b.poses[f].ty, b.poses[f].tz};
-    for (int i = 0; i < 7; ++i) d = std::max(d, std::abs(p[i] - q[i]));
+    for (int i = 0; i < 7; ++i) d = larger_or_nan(d, std::abs(p[i] - q[i]));
   }
   for (std::size_t l = 0; l < a.points.size(); ++l)
-    d = std::max({d, std::abs(a.points[l].x - b.points[l].x), std::abs(a.points[l].y - b.points[l].y),
-                  std::abs(a.points[l].z - b.points[l].z)});
+    for (const double x : {a.points[l].x - b.points[l].x, a.points[l].y - b.points[l].y, a.points[l].z - b.points[l].z})
+      d = larger_or_nan(d, std::abs(x));
   return d;
 }
 

@@ -17,6 +17,7 @@
 
 #include "adjustment_cases.hpp"
 #include "adjustment_factors.hpp"
+#include "support/larger_or_nan.hpp"
 
 namespace turbomap_test {
 
@@ -50,7 +51,7 @@ inline double relative_difference(const std::vector<double>& a, const std::vecto
   for (std::size_t r = 0; r < n; ++r)
     for (std::size_t c = 0; c < n; ++c) {
       const double scale = std::sqrt(b[r * n + r] * b[c * n + c]), difference = std::abs(a[r * n + c] - b[r * n + c]);
-      largest = std::max(largest, scale > 0 ? difference / scale : difference);
+      largest = larger_or_nan(largest, scale > 0 ? difference / scale : difference);
     }
   return largest;
 }

@@ -18,6 +18,7 @@
 #include <turbomap/adjustment/motion_only.hpp>
 
 #include "adjustment_cases.hpp"
+#include "support/larger_or_nan.hpp"
 
 namespace turbomap_test {
 
@@ -72,7 +73,7 @@ posed adjust_poses(const Policy& policy, const frames_input& in, const motion_on
 inline double pose_error(const rigid_transform<double>& a, const rigid_transform<double>& b) {
   const auto x = turbomap::to_isometry<double>(a), y = turbomap::to_isometry<double>(b);
   double d = std::abs(x.t.x - y.t.x) + std::abs(x.t.y - y.t.y) + std::abs(x.t.z - y.t.z);
-  for (int i = 0; i < 9; ++i) d = std::max(d, std::abs(x.R.m[i] - y.R.m[i]));
+  for (int i = 0; i < 9; ++i) d = larger_or_nan(d, std::abs(x.R.m[i] - y.R.m[i]));
   return d;
 }
 

@@ -17,6 +17,7 @@
 #include <turbomap/adjustment/reduced_system.hpp>
 #include <turbomap/adjustment/structure_builder.hpp>
 
+#include "support/larger_or_nan.hpp"
 #include "support/policies.hpp"
 
 namespace {
@@ -110,8 +111,8 @@ TEST_CASE("blocks of S are those of plain sums, each written by one index, in an
       const auto want = expected(x, damping), once = reduced(x, damping, 1);
       double most = 0;
       REQUIRE(once.size() == want.size());
-      for (std::size_t i = 0; i < want.size(); ++i) most = std::fmax(most, std::fabs(once[i] - want[i]));
-      for (const double y : once) CHECK(std::isfinite(y));
+      for (std::size_t i = 0; i < want.size(); ++i)
+        most = turbomap_test::larger_or_nan(most, std::fabs(once[i] - want[i]));
       CHECK(most < 1e-11);
       for (const int parts : {2, 3, 7, 64, 1000}) CHECK(reduced(x, damping, parts) == once);
     }

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "adjustment_cases.hpp"
+#include "support/larger_or_nan.hpp"
 #include "support/policies.hpp"
 
 namespace {
@@ -135,7 +136,7 @@ struct eliminated_scene {
       for (int k = 0; k < V * V; ++k) {
         const auto at = static_cast<std::size_t>(i * V * V + k);
         const double scale = std::sqrt(before(row * V + k / V) * before(column * V + k % V));
-        most = std::max(most, std::abs(a.S[at] - b.S[at]) / scale);
+        most = larger_or_nan(most, std::abs(a.S[at] - b.S[at]) / scale);
       }
     }
     return most;
@@ -146,7 +147,7 @@ template <class A>
 double largest_difference(const std::vector<A>& a, const std::vector<A>& b) {
   double most = 0, scale = 0;
   for (std::size_t i = 0; i < a.size(); ++i) {
-    most = std::max(most, std::abs(static_cast<double>(a[i]) - static_cast<double>(b[i])));
+    most = larger_or_nan(most, std::abs(static_cast<double>(a[i]) - static_cast<double>(b[i])));
     scale = std::max(scale, std::abs(static_cast<double>(a[i])));
   }
   REQUIRE(scale > 0);

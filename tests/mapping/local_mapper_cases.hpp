@@ -21,6 +21,7 @@
 #include <doctest/doctest.h>
 
 #include "scenes/mapping_scene.hpp"
+#include "support/larger_or_nan.hpp"
 
 namespace turbomap_test {
 
@@ -96,7 +97,7 @@ void check_same_map(const Policy& policy, const mapping_case<Camera>& c, int key
   std::size_t i = 0;
   traits::for_each_point(run.map, [&](turbomap::map_point_id p) {
     const auto &x = run.map.position(p), &y = positions[i++];
-    worst = std::max(worst, std::abs(x.x - y.x) + std::abs(x.y - y.y) + std::abs(x.z - y.z));
+    worst = larger_or_nan(worst, std::abs(x.x - y.x) + std::abs(x.y - y.y) + std::abs(x.z - y.z));
   });
   CHECK(worst <= (exact ? 0 : 1e-9));
 }

@@ -23,6 +23,7 @@
 #include "local_adjustment_cases.hpp"
 #include "scenes/pointer_map.hpp"
 #include "scenes/watched_map.hpp"
+#include "support/larger_or_nan.hpp"
 #include "support/policies.hpp"
 
 namespace turbomap_test {
@@ -263,7 +264,8 @@ void check_truth_is_found(bool two_rigs) {
     pose = point = 0;
     for (const auto f : w.free) {
       const auto a = frame_of(traits::pose(s.map, s.keyframes[f])), b = frame_of(s.true_poses[f]);
-      pose = std::max({pose, (a.R.transpose() * a.t - b.R.transpose() * b.t).norm(), (a.R - b.R).norm()});
+      pose = larger_or_nan(pose, (a.R.transpose() * a.t - b.R.transpose() * b.t).norm());
+      pose = larger_or_nan(pose, (a.R - b.R).norm());
     }
     double sum = 0;
     for (const auto l : w.points) {

@@ -17,6 +17,7 @@
 
 #include "local_mapper_cases.hpp"
 #include "scenes/watched_map.hpp"
+#include "support/larger_or_nan.hpp"
 
 namespace {
 
@@ -52,7 +53,7 @@ double worst_range(const watched& map, const turbomap::pyramid& scales) {
       const auto& x = traits::position(map, p);
       const double distance = (centre - Eigen::Vector3d(x.x, x.y, x.z)).norm();
       const double expected = distance * std::pow(scales.scale_factor, traits::keypoint(map, k, i).octave);
-      worst = std::max(worst, std::abs(traits::max_distance(map, p) - expected) / expected);
+      worst = larger_or_nan(worst, std::abs(traits::max_distance(map, p) - expected) / expected);
       ++looked_at;
     });
   });

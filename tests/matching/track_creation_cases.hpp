@@ -8,6 +8,7 @@
 #include <turbomap/matching/track_creation.hpp>
 
 #include "reference/track_creation_oracle.hpp"
+#include "support/larger_or_nan.hpp"
 #include "tracks_cases.hpp"
 
 namespace turbomap_test {
@@ -91,11 +92,11 @@ void check_track_creation(const Policy& policy, scene<Descriptor, Camera>& s, tu
       t.of_many += views > 2 ? 1 : 0;
       t.lost_views += views < static_cast<int>(e.kept.size()) ? 1 : 0;
       const Eigen::Vector3d x(p.position.x, p.position.y, p.position.z);
-      t.worst_position = std::max(t.worst_position, (x - e.position).norm() / (1 + e.position.norm()));
+      t.worst_position = larger_or_nan(t.worst_position, (x - e.position).norm() / (1 + e.position.norm()));
       Eigen::Matrix3d C;
       const auto& c = p.covariance;
       C << c.xx, c.yx, c.zx, c.yx, c.yy, c.zy, c.zx, c.zy, c.zz;
-      t.worst_covariance = std::max(t.worst_covariance, (C - e.covariance).norm() / e.covariance.norm());
+      t.worst_covariance = larger_or_nan(t.worst_covariance, (C - e.covariance).norm() / e.covariance.norm());
     }
     t.differences += equal ? 0 : 1;
   }

@@ -15,10 +15,12 @@
 #include <turbomap/math/functions.hpp>
 #include <vector>
 
+#include "support/larger_or_nan.hpp"
 #include "support/support.hpp"
 
 using turbomap::strict;
 using S = strict<double>;
+using turbomap_test::larger_or_nan;
 
 namespace {
 
@@ -74,12 +76,12 @@ TEST_CASE("atan2: within 2 ulp for every direction and magnitude") {
       const double y = number(range), x = number(range);
       const long double exact = std::atan2(static_cast<long double>(y), static_cast<long double>(x));
       if (std::fabs(exact) < 1e-300L) continue;
-      worst = std::max(worst, ulps(atan2(S(y), S(x)).value, exact));
-      worst = std::max(worst, ulps(atan(S(y)).value, std::atan(static_cast<long double>(y))));
+      worst = larger_or_nan(worst, ulps(atan2(S(y), S(x)).value, exact));
+      worst = larger_or_nan(worst, ulps(atan(S(y)).value, std::atan(static_cast<long double>(y))));
       if (range > 60) continue;
       const float yf = static_cast<float>(y), xf = static_cast<float>(x);
       const float ours = atan2(strict<float>(yf), strict<float>(xf)).value;
-      worst_float = std::max(worst_float, std::abs(ours / std::atan2(double(yf), double(xf)) - 1));
+      worst_float = larger_or_nan(worst_float, std::abs(ours / std::atan2(double(yf), double(xf)) - 1));
     }
   }
   CHECK(worst < 2);
@@ -116,14 +118,14 @@ TEST_CASE("sin and cos: within 2 ulp up to 2^20, relative also next to their zer
     for (int i = 0; i < 20000; ++i) {
       const double x = std::uniform_real_distribution<double>(-range, range)(random);
       const double s = sin(S(x)).value, c = cos(S(x)).value;
-      worst = std::max(
-          {worst, ulps(s, std::sin(static_cast<long double>(x))), ulps(c, std::cos(static_cast<long double>(x)))});
-      identity = std::max(identity, std::abs(s * s + c * c - 1));
+      worst = larger_or_nan(worst, ulps(s, std::sin(static_cast<long double>(x))));
+      worst = larger_or_nan(worst, ulps(c, std::cos(static_cast<long double>(x))));
+      identity = larger_or_nan(identity, std::abs(s * s + c * c - 1));
     }
   for (int n = 1; n < 5000; ++n) {
     const double x = n * (pi / 2);
-    worst = std::max({worst, ulps(sin(S(x)).value, std::sin(static_cast<long double>(x))),
-                      ulps(cos(S(x)).value, std::cos(static_cast<long double>(x)))});
+    worst = larger_or_nan(worst, ulps(sin(S(x)).value, std::sin(static_cast<long double>(x))));
+    worst = larger_or_nan(worst, ulps(cos(S(x)).value, std::cos(static_cast<long double>(x))));
   }
   CHECK(worst < 2);
   CHECK(identity < 1e-15);

@@ -27,7 +27,7 @@ void rclcpp::spin(const std::shared_ptr<Node>&) {
     for (std::size_t i = 0; i < points; ++i) {
       float z;
       std::memcpy(&z, m->data.data() + i * m->point_step + 8, sizeof z);
-      off += std::abs(z - 4) > 0.2F ? 1 : 0;
+      off += std::abs(z - 4) <= 0.2F ? 0 : 1;
     }
   };
   listeners<nav_msgs::msg::Path>()["keyframes"] = [&](std::shared_ptr<const nav_msgs::msg::Path> m) {

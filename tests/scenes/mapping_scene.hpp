@@ -26,6 +26,7 @@
 #include "matching_frames.hpp"
 #include "matching_rigs.hpp"
 #include "reference/two_views.hpp"
+#include "support/larger_or_nan.hpp"
 
 namespace turbomap_test {
 
@@ -324,7 +325,7 @@ class mapping_run {
         q.mixed += pure ? 0 : 1;
         const auto& x = traits::position(map, p);
         if (pure && now >= 0)
-          q.worst_error = std::max(q.worst_error, (scene_.position(now) - Eigen::Vector3d(x.x, x.y, x.z)).norm());
+          q.worst_error = larger_or_nan(q.worst_error, (scene_.position(now) - Eigen::Vector3d(x.x, x.y, x.z)).norm());
         continue;
       }
       const point survivor = turbomap::resolve(map, p);

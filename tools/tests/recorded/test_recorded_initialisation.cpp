@@ -15,6 +15,7 @@
 
 #include <doctest/doctest.h>
 
+#include "support/larger_or_nan.hpp"
 #include "support/support.hpp"
 
 namespace {
@@ -66,7 +67,7 @@ TEST_CASE("what is initialised on recorded maps has their scale to 1 % and their
           const auto found = initialise(r, alive, first, count, options);
           if (!found) continue;
           ++initialised;
-          scale = std::max(scale, std::abs(found.scale - 1));
+          scale = larger_or_nan(scale, std::abs(found.scale - 1));
           gravity = std::max(gravity, std::acos(std::min(1.0, -found.gravity.z / 9.81)));
           break;
         }
