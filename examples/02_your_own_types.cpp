@@ -243,7 +243,7 @@ bool judge(my::Map& map) {
         break;
       }
     const auto& x = scene.landmark(landmark);
-    far += std::hypot(p->position[0] - x.x, p->position[1] - x.y, p->position[2] - x.z) > 0.5 ? 1 : 0;
+    far += std::hypot(p->position[0] - x.x, p->position[1] - x.y, p->position[2] - x.z) <= 0.5 ? 0 : 1;
   });
   const auto faults = turbomap::validate(map);
   for (const turbomap::map_violation& v : faults) std::printf("%s\n", turbomap::to_string(v).c_str());

@@ -77,7 +77,7 @@ int main() {
       landmark = l;
     });
     mixed += same ? 0 : 1;
-    if (landmark >= 0) far += turbomap::norm(map.position(p) - scene.landmark(landmark)) > 0.5 ? 1 : 0;
+    if (landmark >= 0) far += turbomap::norm(map.position(p) - scene.landmark(landmark)) <= 0.5 ? 0 : 1;
   });
   std::printf("%zu points (%zu created, %zu merged), %zu keyframes (%zu culled), %zu points mixed, %zu far off\n",
               map.point_count(), created, merged, map.keyframe_count(), culled, mixed, far);

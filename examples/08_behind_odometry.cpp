@@ -46,7 +46,7 @@ int main() {
   const auto trajectory = mapper.trajectory();
   const auto points = mapper.points();
   std::size_t off = 0;
-  for (const auto& p : points) off += p.z < 3.8F || p.z > 7.2F ? 1 : 0;
+  for (const auto& p : points) off += p.z >= 3.8F && p.z <= 7.2F ? 0 : 1;
   const double before = std::abs(drift), after = std::abs(trajectory.back().ty);
   std::printf("%zu keyframes, %zu points, %zu off the wall; the last keyframe is %.0f mm aside, its odometry %.0f mm\n",
               trajectory.size(), points.size(), off, 1e3 * after, 1e3 * before);
