@@ -13,7 +13,7 @@ json=$(mktemp)
 trap 'rm -f "$json"' EXIT
 "$1" "$2" --policy "$3" --json "$json"
 awk -F '[:,]' -v most="$most" '
-  /^  "(ate_[a-z]*_*rmse_m|observations_per_point|map_faults)"/ {
+  /^  "(ate_[a-z]*_*rmse_m|observations_per_point|map_faults)": [0-9]/ {
     gsub(/[ "]/, "", $1)
     value[$1] = $2 + 0
   }
