@@ -27,7 +27,7 @@ for second in 3 4 5; do echo "140371527$second.262142976 0 0 0 0 0 0 1"; done >"
 grep -q ': 3 keyframes of 3 images' "$work/said" || fail "$(cat "$work/said")"
 "$replayer" "$work/recording" --associate projected --json "$work/replay.json" >/dev/null
 awk -F '[:,]' '/^  "(ate_rmse_m|map_faults|map_points)": [0-9]/ { gsub(/[ "]/, "", $1); value[$1] = $2 + 0 }
-  END { exit !("ate_rmse_m" in value && value["ate_rmse_m"] < 0.01 && value["map_faults"] == 0 && value["map_points"] > 100) }' \
+  END { exit !("ate_rmse_m" in value && value["ate_rmse_m"] < 0.01 && "map_faults" in value && value["map_faults"] == 0 && value["map_points"] > 100) }' \
   "$work/replay.json" || fail "$(cat "$work/replay.json")"
 
 status=0

@@ -35,7 +35,7 @@ map() {
   shift 3
   "$replayer" "$recording" --map "$kind" "$@" --no-bound --json "$work/$name.json" >/dev/null
   awk -F '[:,]' -v name="$name" -v expected="$expected" '
-    /^  "(ate_rmse_m|map_faults|scale_error)"/ { gsub(/[ "]/, "", $1); value[$1] = $2 + 0 }
+    /^  "(ate_rmse_m|map_faults|scale_error)": -?[0-9]/ { gsub(/[ "]/, "", $1); value[$1] = $2 + 0 }
     /"not_initialised"/ { refused = 1 }
     /"seconds"/ && !first { first = $2 + 0 }
     function fail(why) { print "imu.sh: " name ": " why > "/dev/stderr"; failed = 1 }

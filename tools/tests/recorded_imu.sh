@@ -20,7 +20,7 @@ for recording in "$@"; do
     /^  "(ate_intervals_m|peer_ate_intervals_m)": \[/ { list = $1; at = 0; next }
     /^  \]/ { list = "" }
     list != "" { gsub(/[ ,]/, ""); if ($0 != "null") value[list, at] = $0 + 0; ++at; most = at > most ? at : most; next }
-    /^  "(ate_rmse_m|peer_ate_rmse_m|map_faults|scale_error)":/ { gsub(/[ ",]/, ""); split($0, pair, ":"); one[pair[1]] = pair[2] + 0; ++found }
+    /^  "(ate_rmse_m|peer_ate_rmse_m|map_faults|scale_error)": -?[0-9]/ { gsub(/[ ",]/, ""); split($0, pair, ":"); one[pair[1]] = pair[2] + 0; ++found }
     /"seconds"/ { initialised = 1 }
     END {
       if (found != 4) fail(found " of 4 numbers")
