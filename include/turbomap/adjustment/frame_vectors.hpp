@@ -4,7 +4,7 @@
 
 /// \file
 /// What conjugate gradients do with vectors of the free frames, D numbers per frame: combine them, take their inner products
-/// (one part per frame, summed on the host), apply the block-Jacobi preconditioner.
+/// (one part per frame; who decides by them sums them), apply the block-Jacobi preconditioner.
 
 #include <cstddef>
 

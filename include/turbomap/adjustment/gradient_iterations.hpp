@@ -4,8 +4,8 @@
 
 /// \file
 /// Conjugate gradients for policies whose memory the host does not read. The sums that decide stay where the policy computes; the
-/// host enqueues an iteration while the one before it runs, and hears of each whether it was the last. So nobody waits for anybody:
-/// an iteration that comes too late finds that there is nothing to do.
+/// host enqueues an iteration while the one before it runs, and hears of each whether it was the last. So the device does not wait for
+/// the host; the one iteration that is enqueued after the last one finds that there is nothing to do.
 
 #include <cstdint>
 

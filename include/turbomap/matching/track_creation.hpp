@@ -48,7 +48,7 @@ class track_creation {
                         {kept.data(), kept_.data(), kept.size()}});
   }
 
-  /// No points: what is left where a call ran out of memory.
+  /// No points: what is left where a call failed.
   void clear() { points_.resize_discard(0), kept_.resize_discard(0); }
   /// See create_track_points().
   template <class Descriptor, class Camera>
@@ -111,6 +111,7 @@ class track_creation {
 /// \throws std::invalid_argument  an option is not finite or out of range, the scale factor is not that of the search, or
 ///         tracks are not of the matches, or `known` has no number for a keypoint; nothing is changed
 /// \throws std::bad_alloc  there is no memory left; `result` then holds no points
+/// \throws device_error    a copy or launch failed; the same
 /// Decisions and positions are equal to the last bit on every policy. O(views^2) per track where many views leave;
 /// O(keypoints of the keyframe) more where two cameras of one keyframe are left.
 template <class Descriptor, class Camera, class Policy>
@@ -133,7 +134,7 @@ void create_track_points(context<Policy>& ctx, const correspondences<Descriptor,
   }
   try {
     result.create(ctx, matches.view(), tracks.tracks(), options, known);
-  } catch (...) {  // out of memory
+  } catch (...) {  // else there would be points that nobody has written
     result.clear();
     throw;
   }

@@ -103,6 +103,7 @@ class match_tracks {
 /// consists of integers that the host decides on: the same under every policy. Waits for the search.
 /// \param result  overwritten
 /// \throws std::bad_alloc  there is no memory left; create_track_points() then refuses `result`
+/// \throws device_error    a launch, copy or wait failed; the same
 /// O(matches x cameras of all keyframes / 64 + keypoints).
 template <class Descriptor, class Camera, class Policy>
 void join_tracks(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches,
