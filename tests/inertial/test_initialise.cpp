@@ -124,7 +124,8 @@ TEST_CASE("200 random motions of one camera: initialised within 15 s, the scale 
     initialised += static_cast<bool>(found);
     const double off = found.scale / m.scale - 1;
     worst_scale = larger_or_nan(worst_scale, std::abs(off)), squares += std::pow(off / found.scale_sigma, 2);
-    worst_gravity = std::max(worst_gravity, std::acos(turbomap::dot(found.gravity, m.gravity) / (9.81 * 9.81)));
+    const double cosine = turbomap::dot(found.gravity, m.gravity) / (9.81 * 9.81);
+    worst_gravity = larger_or_nan(worst_gravity, std::acos(std::min(cosine, 1.0)));
     latest = std::max(latest, found.seconds);
   }
   MESSAGE("initialised " << initialised << " of 200, latest after " << latest << " s; largest error of the scale "

@@ -68,7 +68,7 @@ TEST_CASE("what is initialised on recorded maps has their scale to 1 % and their
           if (!found) continue;
           ++initialised;
           scale = larger_or_nan(scale, std::abs(found.scale - 1));
-          gravity = std::max(gravity, std::acos(std::min(1.0, -found.gravity.z / 9.81)));
+          gravity = larger_or_nan(gravity, std::acos(std::min(-found.gravity.z / 9.81, 1.0)));
           break;
         }
       MESSAGE(std::string(name) << std::string(monocular ? ", scale asked for" : ", scale known") << ": " << initialised
