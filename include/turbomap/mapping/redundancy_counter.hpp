@@ -86,7 +86,7 @@ class redundancy_counter {
   /// Nothing is known any more: the map, or the options, may be others. O(points that were known).
   void clear() {
     for (const std::uint32_t i : known_) enough_[i] = unknown;
-    known_.clear();
+    known_.clear(), observers_.clear();  // names keep objects alive
   }
   /// Keyframes that are in the store by this table (null: none) are remembered from now on: which of their keypoints count, which
   /// never changes. It takes five bytes per keypoint that counts, until drop_keypoints() or until the place in the store is another's.
