@@ -73,9 +73,8 @@ class point_creation {
 /// cameras, reprojects into both, and whose distances agree with the octaves. Decisions are equal on every policy.
 /// \param matches  a search of this context; its keyframes must still be there
 /// \param result   overwritten. Under CUDA the work may still be running on return
-/// \throws std::invalid_argument  an option is not finite or out of range, or the scale factor is not that of the
-/// search
-/// \throws device_error  a launch failed; `result` then holds no points
+/// \throws std::invalid_argument  an option is not finite or out of range, or the scale factor is not that of the search
+/// \throws device_error           a launch failed; `result` then holds no points
 template <class Descriptor, class Camera, class Policy>
 void create_points(context<Policy>& ctx, const correspondences<Descriptor, Camera, Policy>& matches,
                    const creation_options& options, point_creation<Policy>& result) {
