@@ -73,11 +73,14 @@ bool is_refined([[maybe_unused]] const Map& map) {
 namespace detail {
 inline bool is_finite(const vec3<double>& v) { return is_finite(v.x) && is_finite(v.y) && is_finite(v.z); }
 inline bool is_finite(const imu_bias<double>& b) { return is_finite(b.gyro) && is_finite(b.acceleration); }
-/// Whether an adjustment can use it.
-inline bool is_usable(const preintegration<double>& p) { return p.dt > 0 && is_finite(p.dt + sum_of_elements(p)); }
-/// Whether its velocity and position need no larger mean force per mass than max_force, m/s^2.
-inline bool is_felt(const preintegration<double>& p, double max_force) {
-  return norm(p.dV) <= max_force * p.dt && norm(p.dP) <= max_force * p.dt * p.dt / 2;
+/// Whether an adjustment can use it: it is finite, and its velocity and position need no larger mean force per mass than max_force, m/s^2.
+inline bool is_usable(const preintegration<double>& p, double max_force) {
+  return p.dt > 0 && is_finite(p.dt + sum_of_elements(p)) && norm(p.dV) <= max_force * p.dt &&
+         norm(p.dP) <= max_force * p.dt * p.dt / 2;
+}
+/// Whether it lasts dt s, but for max_error.
+inline bool lasts(const preintegration<double>& p, double dt, double max_error) {
+  return p.dt - dt <= max_error && dt - p.dt <= max_error;
 }
 }  // namespace detail
 
@@ -92,10 +95,8 @@ void bridge_motion(Map& map, const typename map_traits<Map>::keyframe& removed, 
   const auto after = map_traits<Map>::next(map, removed);
   if (after == typename map_traits<Map>::keyframe{}) return;
   preintegration<double> to, from;
-  const auto sound = [&](const preintegration<double>& p) {
-    return detail::is_usable(p) && detail::is_felt(p, max_force);
-  };
-  if (!traits::motion(map, removed, to) || !traits::motion(map, after, from) || !sound(to) || !sound(from))
+  if (!traits::motion(map, removed, to) || !traits::motion(map, after, from) || !detail::is_usable(to, max_force) ||
+      !detail::is_usable(from, max_force))
     return traits::clear_motion(map, after);
   traits::set_motion(map, after, merge(to, from));
   if constexpr (detail::inertial_has_v<Map, detail::inertial_join_member>) traits::join_samples(map, removed, after);

@@ -113,8 +113,7 @@ class inertial_initialisation {
       const double earlier = traits::time(map, before);
       if (!(earlier < time)) break;  // no time: the keyframes may run in a circle
       if (!(newest - earlier <= options.most_seconds) || !inertial::motion(map, k, motion)) break;
-      const double error = motion.dt - (time - earlier);
-      require(error <= options.max_time_error && -error <= options.max_time_error, "motion.dt", motion.dt,
+      require(detail::lasts(motion, time - earlier, options.max_time_error), "motion.dt", motion.dt,
               "must be the time between its keyframes");
       motions_.push_back(motion);
       k = before, time = earlier;
@@ -173,9 +172,8 @@ class inertial_initialisation {
       const isometry<double> T = body(map, k);
       vec3<double> moved = T_after.t - T.t;
       preintegration<double> motion;
-      if (inertial::motion(map, after, motion) && detail::is_usable(motion) &&
-          detail::is_felt(motion, default_max_force) && motion.dt - dt <= max_time_error &&
-          dt - motion.dt <= max_time_error) {
+      if (inertial::motion(map, after, motion) && detail::is_usable(motion, default_max_force) &&
+          detail::lasts(motion, dt, max_time_error)) {
         const vec3<double> dP = corrected(motion, found_.bias).dP;
         moved = moved - (0.5 * dt * dt) * found_.gravity - T.R * dP;
       }

@@ -204,9 +204,7 @@ class inertial_window : public adjustment_window<Map> {
                    preintegration<double>& motion) const {
     if (usable_[f] == 0 || usable_[f + 1] == 0 || !inertial::motion(s.map, this->frames_[f], motion)) return false;
     const double end = traits::time(s.map, this->frames_[f]), begin = traits::time(s.map, this->frames_[f + 1]);
-    const double error = motion.dt - (end - begin);
-    if (detail::is_usable(motion) && detail::is_felt(motion, options.max_force) && error <= options.max_time_error &&
-        -error <= options.max_time_error)
+    if (detail::is_usable(motion, options.max_force) && detail::lasts(motion, end - begin, options.max_time_error))
       return true;
     s.faults({map_fault::bad_motion, this->frames_.ids()[f], 0, 0});
     return false;
