@@ -17,7 +17,7 @@
 #include <turbomap/camera/kannala_brandt.hpp>
 #include <turbomap/camera/pinhole.hpp>
 
-#include "support/larger_or_nan.hpp"
+#include "reference/larger_or_nan.hpp"
 
 namespace turbomap_test {
 

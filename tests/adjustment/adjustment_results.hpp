@@ -15,7 +15,7 @@
 #include <turbomap/math/linear.hpp>
 #include <turbomap/types.hpp>
 
-#include "support/larger_or_nan.hpp"
+#include "reference/larger_or_nan.hpp"
 
 namespace turbomap_test {
 

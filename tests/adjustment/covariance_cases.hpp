@@ -17,7 +17,7 @@
 
 #include "adjustment_cases.hpp"
 #include "adjustment_factors.hpp"
-#include "support/larger_or_nan.hpp"
+#include "reference/larger_or_nan.hpp"
 
 namespace turbomap_test {
 

@@ -18,7 +18,7 @@
 #include <turbomap/adjustment/motion_only.hpp>
 
 #include "adjustment_cases.hpp"
-#include "support/larger_or_nan.hpp"
+#include "reference/larger_or_nan.hpp"
 
 namespace turbomap_test {
 

@@ -22,7 +22,7 @@
 
 #include "adjustment_cases.hpp"
 #include "adjustment_results.hpp"
-#include "support/larger_or_nan.hpp"
+#include "reference/larger_or_nan.hpp"
 #include "support/stream.cuh"
 
 namespace {

@@ -17,7 +17,7 @@
 #include <turbomap/adjustment/reduced_system.hpp>
 #include <turbomap/adjustment/structure_builder.hpp>
 
-#include "support/larger_or_nan.hpp"
+#include "reference/larger_or_nan.hpp"
 #include "support/policies.hpp"
 
 namespace {

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "adjustment_cases.hpp"
-#include "support/larger_or_nan.hpp"
+#include "reference/larger_or_nan.hpp"
 #include "support/policies.hpp"
 
 namespace {

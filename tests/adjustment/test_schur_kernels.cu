@@ -25,7 +25,7 @@
 #include <turbomap/adjustment/uploaded.hpp>
 
 #include "adjustment_results.hpp"
-#include "support/larger_or_nan.hpp"
+#include "reference/larger_or_nan.hpp"
 #include "support/stream.cuh"
 
 namespace {

@@ -20,7 +20,7 @@
 #include <turbomap/context.hpp>
 
 #include "adjustment_results.hpp"
-#include "support/larger_or_nan.hpp"
+#include "reference/larger_or_nan.hpp"
 #include "support/stream.cuh"
 
 namespace {

@@ -23,7 +23,7 @@
 #include <turbomap/math/linear.hpp>
 #include <vector>
 
-#include "support/larger_or_nan.hpp"
+#include "reference/larger_or_nan.hpp"
 
 using namespace turbomap;
 

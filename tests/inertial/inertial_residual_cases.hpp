@@ -22,8 +22,8 @@
 #include <turbomap/math/dual.hpp>
 
 #include "preintegration_cases.hpp"
+#include "reference/larger_or_nan.hpp"
 #include "support/evaluate.hpp"
-#include "support/larger_or_nan.hpp"
 
 namespace turbomap_test {
 

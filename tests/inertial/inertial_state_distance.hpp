@@ -12,7 +12,7 @@
 
 #include <turbomap/inertial/inertial_residual.hpp>
 
-#include "support/larger_or_nan.hpp"
+#include "reference/larger_or_nan.hpp"
 
 namespace turbomap_test {
 

@@ -23,7 +23,7 @@
 #include "adjustment/adjustment_results.hpp"
 #include "inertial_scene.hpp"
 #include "inertial_state_distance.hpp"
-#include "support/larger_or_nan.hpp"
+#include "reference/larger_or_nan.hpp"
 
 namespace turbomap_test {
 

@@ -17,8 +17,8 @@
 
 #include "inertial_scene.hpp"
 #include "preintegration_cases.hpp"
+#include "reference/larger_or_nan.hpp"
 #include "support/files.hpp"
-#include "support/larger_or_nan.hpp"
 #include "support/policies.hpp"
 #include "support/support.hpp"
 

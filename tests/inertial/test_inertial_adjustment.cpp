@@ -18,7 +18,7 @@
 
 #include "inertial_scene_oracle.hpp"
 #include "inertial_solver_cases.hpp"
-#include "support/larger_or_nan.hpp"
+#include "reference/larger_or_nan.hpp"
 #include "support/policies.hpp"
 #include "undetermined_cases.hpp"
 

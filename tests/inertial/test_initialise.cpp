@@ -18,7 +18,7 @@
 #include "initialisation_cases.hpp"
 #include "preintegration_cases.hpp"
 #include "reference/initialisation_oracle.hpp"
-#include "support/larger_or_nan.hpp"
+#include "reference/larger_or_nan.hpp"
 
 namespace {
 

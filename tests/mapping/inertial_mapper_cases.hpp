@@ -18,9 +18,9 @@
 #include <cstddef>
 #include <vector>
 
+#include "reference/larger_or_nan.hpp"
 #include "scenes/inertial_motion.hpp"
 #include "scenes/mapping_scene.hpp"
-#include "support/larger_or_nan.hpp"
 
 namespace turbomap_test {
 

@@ -22,7 +22,7 @@
 #include "adjustment/adjustment_results.hpp"
 #include "inertial_adjustment_cases.hpp"
 #include "inertial_window_definition.hpp"
-#include "support/larger_or_nan.hpp"
+#include "reference/larger_or_nan.hpp"
 
 namespace turbomap_test {
 

@@ -20,8 +20,8 @@
 
 #include <doctest/doctest.h>
 
+#include "reference/larger_or_nan.hpp"
 #include "scenes/mapping_scene.hpp"
-#include "support/larger_or_nan.hpp"
 
 namespace turbomap_test {
 

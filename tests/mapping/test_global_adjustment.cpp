@@ -16,10 +16,10 @@
 
 #include "adjustment_expectation.hpp"
 #include "local_adjustment_cases.hpp"
+#include "reference/larger_or_nan.hpp"
 #include "scenes/mapping_scene.hpp"
 #include "scenes/pointer_map.hpp"
 #include "scenes/watched_map.hpp"
-#include "support/larger_or_nan.hpp"
 #include "support/policies.hpp"
 
 namespace {

@@ -21,9 +21,9 @@
 
 #include "adjustment_expectation.hpp"
 #include "local_adjustment_cases.hpp"
+#include "reference/larger_or_nan.hpp"
 #include "scenes/pointer_map.hpp"
 #include "scenes/watched_map.hpp"
-#include "support/larger_or_nan.hpp"
 #include "support/policies.hpp"
 
 namespace turbomap_test {

@@ -16,8 +16,8 @@
 #include <vector>
 
 #include "local_mapper_cases.hpp"
+#include "reference/larger_or_nan.hpp"
 #include "scenes/watched_map.hpp"
-#include "support/larger_or_nan.hpp"
 
 namespace {
 

@@ -11,8 +11,8 @@
 
 #include <doctest/doctest.h>
 
+#include "reference/larger_or_nan.hpp"
 #include "reference/two_views.hpp"
-#include "support/larger_or_nan.hpp"
 
 namespace {
 

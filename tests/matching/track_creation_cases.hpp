@@ -7,8 +7,8 @@
 
 #include <turbomap/matching/track_creation.hpp>
 
+#include "reference/larger_or_nan.hpp"
 #include "reference/track_creation_oracle.hpp"
-#include "support/larger_or_nan.hpp"
 #include "tracks_cases.hpp"
 
 namespace turbomap_test {

@@ -15,7 +15,7 @@
 #include <turbomap/math/functions.hpp>
 #include <vector>
 
-#include "support/larger_or_nan.hpp"
+#include "reference/larger_or_nan.hpp"
 #include "support/support.hpp"
 
 using turbomap::strict;

@@ -25,6 +25,7 @@
 
 #include "matching_frames.hpp"
 #include "matching_rigs.hpp"
+#include "reference/larger_or_nan.hpp"
 #include "reference/two_views.hpp"
 
 namespace turbomap_test {
@@ -323,10 +324,8 @@ class mapping_run {
         const auto [now, pure] = landmark_of(p);
         q.mixed += pure ? 0 : 1;
         const auto& x = traits::position(map, p);
-        if (pure && now >= 0) {
-          const double error = (scene_.position(now) - Eigen::Vector3d(x.x, x.y, x.z)).norm();
-          if (!std::isnan(q.worst_error) && !(error <= q.worst_error)) q.worst_error = error;  // also by NaN
-        }
+        if (pure && now >= 0)
+          q.worst_error = larger_or_nan(q.worst_error, (scene_.position(now) - Eigen::Vector3d(x.x, x.y, x.z)).norm());
         continue;
       }
       const point survivor = turbomap::resolve(map, p);

@@ -19,9 +19,9 @@
 #include <turbomap/io/colmap_model.hpp>
 
 #include "extraction/extract.hpp"
+#include "reference/larger_or_nan.hpp"
 #include "rendered_dataset.hpp"
 #include "support/files.hpp"
-#include "support/larger_or_nan.hpp"
 
 namespace {
 

@@ -4,10 +4,10 @@
 // How a recording's keypoints were extracted is told from its observations: 0 for keypoints of the full image, 1 for those of a
 // level times its scale, within the standard deviation that is given; and nothing is moved where nothing can be told.
 
+#include "reference/larger_or_nan.hpp"
 #include "replay/keypoint_offset.hpp"
 #include "simulation/simulate.hpp"
 #include "simulation/walks.hpp"
-#include "support/larger_or_nan.hpp"
 
 #include <cmath>
 

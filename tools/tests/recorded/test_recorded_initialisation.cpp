@@ -15,7 +15,7 @@
 
 #include <doctest/doctest.h>
 
-#include "support/larger_or_nan.hpp"
+#include "reference/larger_or_nan.hpp"
 #include "support/support.hpp"
 
 namespace {
