@@ -9,6 +9,7 @@
 
 #include <turbomap/matching/point_creation.hpp>
 
+#include "support/fail_everywhere.hpp"
 #include "support/stream.cuh"
 #include "track_creation_cases.hpp"
 
@@ -34,20 +35,11 @@ struct searched {
         tracks(ctx) {
     turbomap::join_tracks(ctx, found, tracks);
   }
-  /// Calls create() with one failure, then check(); again with the next one, until none is met.
+  /// Lets everything fail once that create() does on the device. What it left is looked at by check(), and made anew.
   template <class Create, class Check>
   int fail(const Create& create, const Check& check) {
-    for (int failures = 0;; ++failures) {
-      CAPTURE(failures);
-      create();
-      try {
-        const failure_of<work, false> one(failures);
-        create();
-        return failures;
-      } catch (const turbomap::device_error&) {
-      }
-      check();
-    }
+    create();
+    return fail_everywhere<failure_of<work, false>, turbomap::device_error>(create, [&] { check(), create(); });
   }
 };
 

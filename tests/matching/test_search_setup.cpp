@@ -10,7 +10,7 @@
 #include <atomic>
 #include <functional>
 #include <limits>
-#include <new>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -18,6 +18,7 @@
 #include "matching_cases.hpp"
 #include "scenes/keyframe_samples.hpp"
 #include "support/counted_new.hpp"
+#include "support/fail_everywhere.hpp"
 #include "support/policies.hpp"
 
 namespace {
@@ -240,23 +241,23 @@ TEST_CASE("tracks that found no memory, at whichever allocation, are of no searc
   };
   const auto before = search(few), found = search(many);
   turbomap::track_creation<sequential> made(ctx);
-  int failures = 0;
-  for (bool done = false; !done; ++failures) {
-    CAPTURE(failures);
-    turbomap::match_tracks<orb, pinhole_camera, sequential> tracks(ctx);
-    turbomap::join_tracks(ctx, before, tracks);
-    REQUIRE(tracks.are_of(before));
-    try {
-      const no_memory_once limit(failures);
-      turbomap::join_tracks(ctx, found, tracks);
-      done = true;
-    } catch (const std::bad_alloc&) {
-      CHECK_FALSE(tracks.are_of(before));
-      CHECK_THROWS_WITH_AS(turbomap::create_track_points(ctx, found, tracks, {}, made), doctest::Contains("tracks"),
-                           std::invalid_argument);
-    }
-    CHECK(tracks.are_of(found) == done);
-  }
+  std::optional<turbomap::match_tracks<orb, pinhole_camera, sequential>> tracks;
+  const auto join_before = [&] {
+    tracks.emplace(ctx);
+    turbomap::join_tracks(ctx, before, *tracks);
+    REQUIRE(tracks->are_of(before));
+  };
+  join_before();
+  const int failures = fail_everywhere<no_memory_once>(
+      [&] { turbomap::join_tracks(ctx, found, *tracks); },
+      [&] {
+        CHECK_FALSE(tracks->are_of(before));
+        CHECK_FALSE(tracks->are_of(found));
+        CHECK_THROWS_WITH_AS(turbomap::create_track_points(ctx, found, *tracks, {}, made), doctest::Contains("tracks"),
+                             std::invalid_argument);
+        join_before();
+      });
+  CHECK(tracks->are_of(found));
   CHECK(failures > 3);
 }
 
