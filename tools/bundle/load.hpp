@@ -165,7 +165,7 @@ inline loaded_problem load(const arguments& a, const std::string& format) {
             perturb(problem.data, a);
           else
             throw std::invalid_argument(
-                "--perturb-m, --perturb-rad: are for problems of reprojections, not for this one");
+                "--perturb-m, --perturb-rad: problems of bal, generated and schur cannot be perturbed");
         },
         p);
   return p;

@@ -26,9 +26,9 @@ inline void add_options(CLI::App& app, arguments& a) {
   app.add_option("--lambda-scale", a.lambda_scale,
                  "first damping: 1e-5 of the largest diagonal element, or 1e-4 of each, when not given")
       ->check(CLI::PositiveNumber);
-  app.add_option("--perturb-m", a.perturb_m, "noise added to free positions and landmarks (of reprojections only)")
+  app.add_option("--perturb-m", a.perturb_m, "noise added to free positions and landmarks (not bal, generated, schur)")
       ->check(CLI::NonNegativeNumber);
-  app.add_option("--perturb-rad", a.perturb_rad, "noise added to free rotations (of reprojections only)")
+  app.add_option("--perturb-rad", a.perturb_rad, "noise added to free rotations (not bal, generated, schur)")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--json", a.json, "write the result to this file");
 }
