@@ -77,6 +77,17 @@ TEST_CASE("a trajectory that could not be read is not written") {
   CHECK(std::filesystem::is_symlink(folder / "link.txt"));
   CHECK(turbomap::read_trajectory(folder / "t.txt").at(0).t_ns == 2);
   CHECK(std::distance(std::filesystem::directory_iterator(folder.path()), {}) == 2);
+  // So does one to a link to what is not there yet; one to itself is no file.
+  std::filesystem::create_directory(folder / "sub");
+  std::filesystem::create_symlink("new.txt", folder / "sub" / "inner.txt");
+  std::filesystem::create_symlink("sub/inner.txt", folder / "outer.txt");
+  turbomap::write_trajectory(folder / "outer.txt", {{3, {}}});
+  CHECK(std::filesystem::is_symlink(folder / "outer.txt"));
+  CHECK(std::filesystem::is_symlink(folder / "sub" / "inner.txt"));
+  CHECK(turbomap::read_trajectory(folder / "sub" / "new.txt").at(0).t_ns == 3);
+  std::filesystem::create_symlink("circle.txt", folder / "circle.txt");
+  CHECK_THROWS_AS(turbomap::write_trajectory(folder / "circle.txt", {{4, {}}}), turbomap::bad_file);
+  CHECK(std::filesystem::is_symlink(folder / "circle.txt"));
 }
 
 TEST_CASE("times may have a sign and an exponent, and are exact to the nanosecond") {

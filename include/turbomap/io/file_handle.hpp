@@ -32,11 +32,12 @@ class file_replacement {
   explicit file_replacement(const std::filesystem::path& file) : target_(file), part_(file) {
     std::error_code failed;
     const auto status = std::filesystem::status(file, failed);  // of what a symbolic link points at
-    beside_ = !std::filesystem::exists(status) || std::filesystem::is_regular_file(status);
+    beside_ = status.type() == std::filesystem::file_type::not_found || std::filesystem::is_regular_file(status);
     if (beside_) {
-      if (std::filesystem::is_symlink(file, failed)) {  // the link stays
-        const auto linked = std::filesystem::weakly_canonical(file, failed);
-        if (!failed) target_ = linked;
+      while (std::filesystem::is_symlink(target_, failed)) {  // links stay, also to a file that is not there yet
+        const auto linked = std::filesystem::read_symlink(target_, failed);
+        if (failed) break;
+        target_ = target_.parent_path() / linked;
       }
       part_ = target_;
       part_ += ".part";
