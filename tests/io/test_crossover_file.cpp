@@ -34,6 +34,13 @@ TEST_CASE("the file of crossovers") {
   turbomap::write_crossover(file, c);
   for (std::size_t k = 0; k < turbomap::work_kinds; ++k) CHECK(turbomap::read_crossover(file).least[k] == c.least[k]);
 
+  for (const double amount : {-1.0, std::numeric_limits<double>::quiet_NaN()}) {
+    turbomap::crossover unreadable = c;
+    unreadable.least[1] = amount;
+    CHECK_THROWS_AS(turbomap::write_crossover(file, unreadable), std::invalid_argument);
+    CHECK(turbomap::read_crossover(file).least[1] == c.least[1]);
+  }
+
   CHECK_THROWS_AS(turbomap::read_crossover(file + ".not_there"), turbomap::bad_file);
   CHECK_THROWS_AS(turbomap::write_crossover((folder.path() / "no" / "folder").string(), c), std::runtime_error);
   for (const std::string& text :
