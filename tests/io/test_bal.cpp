@@ -86,6 +86,15 @@ TEST_CASE("the pose of a camera is the exponential of its rotation vector") {
   CHECK(turbomap::bal_pose(c).qx == 2e-10);
 }
 
+TEST_CASE("a number too small for its type is zero, however it is written") {
+  for (const std::string& tiny : {std::string("1e-400"), "-0." + std::string(400, '0') + "1",
+                                  std::string("12e-999999999999"), "." + std::string(900, '0') + "1e+500"}) {
+    CAPTURE(tiny);
+    std::string text = good;
+    CHECK(read(text.replace(text.find("-1.5"), 4, tiny)).pixel[0].x == 0);
+  }
+}
+
 TEST_CASE("what is broken is named with its line") {
   CHECK(has(with("1 0     3e2", "2 0 3e2"), "problem.txt: line 3: camera 2 is not one of 2"));
   CHECK(has(with("1 0     3e2", "1 -1 3e2"), "line 3: point -1 is not one of 1"));
@@ -94,6 +103,7 @@ TEST_CASE("what is broken is named with its line") {
   CHECK(has(with("-1.5", "nan"), "line 2: 'nan' is no x"));
   CHECK(has(with("-1.5", "inf"), "line 2: 'inf' is no x"));
   CHECK(has(with("-1.5", "1e400"), "line 2: '1e400' is no x"));
+  CHECK(has(with("-1.5", std::string(400, '1') + "e-10"), "' is no x"));  // 1e389, though its exponent is negative
   CHECK(has(with("0 0 -1.5", "0.5 0 -1.5"), "line 2: '0.5' is no camera"));
   CHECK(has(with("2 1 3\n", "-2 1 3\n"), "line 1: number of cameras is negative"));
   CHECK(has(with("2 1 3\n", "2 1 3000000000\n"), "line 1: '3000000000' is no number of observations"));

@@ -8,6 +8,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <cstddef>
 #include <cstdio>
 #include <filesystem>
 #include <string>
@@ -34,11 +35,27 @@ inline std::string read_text_file(const std::filesystem::path& file) {
   return text;
 }
 
-/// from_chars refuses what is too small as it does what is too large; the former is as good as zero.
-inline bool has_negative_exponent(const char* begin, const char* end) {
-  for (const char* c = begin; c != end; ++c)
-    if ((*c == 'e' || *c == 'E') && c + 1 != end) return c[1] == '-';
-  return false;
+/// from_chars refuses what is too small as it does what is too large; the former is as good as zero. Whether a number that
+/// it refused is the former: its first digit other than 0 stands behind the point, once the exponent has moved it.
+inline bool is_too_small(const char* begin, const char* end) {
+  std::ptrdiff_t places = 0;  // before the point from that digit on, or, negative, zeros between the point and it
+  bool point = false, found = false;
+  const char* c = begin;
+  for (; c != end && *c != 'e' && *c != 'E'; ++c) {
+    if (*c == '.') {
+      point = true;
+    } else if (*c != '-') {
+      found = found || *c != '0';
+      places += found && !point ? 1 : !found && point ? -1 : 0;
+    }
+  }
+  int exponent = 0;
+  if (c != end && ++c != end) {
+    const bool negative = *c == '-';
+    if (*c == '+') ++c;
+    if (std::from_chars(c, end, exponent).ec == std::errc::result_out_of_range) return negative;
+  }
+  return places + exponent <= 0;
 }
 
 /// The number that fills [begin, end): an integer that T holds, or a finite floating-point one. False: it is none.
@@ -47,11 +64,11 @@ bool parse_number(const char* begin, const char* end, T& value) {
   if (begin != end && *begin == '+' && begin + 1 != end && begin[1] != '-') ++begin;  // from_chars does not know it
   const auto [rest, error] = std::from_chars(begin, end, value);
   if constexpr (std::is_floating_point_v<T>) {
-    if (error == std::errc::result_out_of_range && rest == end && has_negative_exponent(begin, end))
-      return value = T(0), true;
-    if (!std::isfinite(value)) return false;
+    if (error == std::errc::result_out_of_range && rest == end && is_too_small(begin, end)) return value = T(0), true;
   }
-  return error == std::errc() && rest == end;
+  if (error != std::errc() || rest != end) return false;  // value is as it was, perhaps never set
+  if constexpr (std::is_floating_point_v<T>) return std::isfinite(value);
+  return true;
 }
 
 }  // namespace detail
