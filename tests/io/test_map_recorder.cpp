@@ -114,4 +114,29 @@ TEST_CASE("what is refused is not recorded, and may be recorded later") {
   CHECK(recorder.get().data().keyframe_count() == 1);
 }
 
+TEST_CASE("what was recorded is taken, and the next recording names its own keyframes only") {
+  const auto c = stereo_case(noisy(3));
+  const mapping_scene<pinhole_camera> scene(c.rig, noisy(3));
+  mapping_run<flat_map, sequential> run(scene, c.options);
+  turbomap::map_recorder<flat_map> recorder(stereo_meta());
+  std::size_t known = 0;
+  for (std::int32_t n = 0; n < 6; ++n) {
+    const auto k = run.track();
+    const auto data = scene.data<traits::descriptor>(run.view(static_cast<std::size_t>(n)));
+    if (n == 3) {
+      const turbomap::recording taken = std::move(recorder.get().data());
+      CHECK(taken.keyframe_count() == 3);
+      recorder.get().data().meta = stereo_meta();
+    }
+    REQUIRE(recorder.add(run.map, k, data, 100 * n) == n % 3);
+    const turbomap::recording& r = recorder.get().data();
+    for (std::size_t row = r.associations(static_cast<std::size_t>(n % 3)).begin; row < r.assoc_kp.size(); ++row) {
+      known += r.assoc_new[row] == 0 ? 1 : 0;
+      if (n == 3) CHECK(r.assoc_new[row] == 1);
+    }
+    run.mapper.process(k);
+  }
+  CHECK(known > 0);
+}
+
 }  // namespace

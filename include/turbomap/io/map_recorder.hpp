@@ -62,6 +62,7 @@ class map_recorder {
     for (std::size_t i = 0; i < count; ++i) std::copy_n(flat.descriptors + i * 32, 32, descriptors_[i].begin());
     associations_.clear();
     const auto self = static_cast<std::int32_t>(recorder_.data().keyframe_count());
+    if (self == 0) indices_.clear();  // what was recorded may have been taken
     for (std::size_t i = 0; i < count; ++i) {
       const point p = traits::point_at(map, k, i);
       if (!(p == point{}) && traits::alive(map, p)) associations_.push_back(association(map, k, p, i, self));
@@ -82,7 +83,8 @@ class map_recorder {
     }
   }
 
-  /// To add IMU samples and ground truth, and what has been collected.
+  /// To add IMU samples and ground truth, and what has been collected, to take too: the next keyframe begins a new recording then,
+  /// which names none of those taken.
   recorder& get() { return recorder_; }
   /// Validates and writes: write_recording().
   void write(const std::filesystem::path& directory) { recorder_.write(directory); }
