@@ -26,7 +26,7 @@ class scratch_blocks {
   explicit scratch_blocks(std::pmr::memory_resource* resource) : resource_(resource) {}
   /// Takes the blocks over.
   scratch_blocks(scratch_blocks&& other) noexcept : resource_(other.resource_) { exchange(other); }
-  /// Gives its own blocks back, and takes those of the other over.
+  /// Exchanges blocks and resources.
   scratch_blocks& operator=(scratch_blocks&& other) noexcept {
     std::pmr::memory_resource* const resource = resource_;
     resource_ = other.resource_;
