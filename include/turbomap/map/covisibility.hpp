@@ -116,8 +116,8 @@ class covisibility {
     sort_plain(result_.data(), result_.size(), first);
     result_.resize(keep);
   }
-  /// Each observer is looked up in one place per observation: this is the whole cost. What tallies hold of earlier calls is told
-  /// by its serials, so nothing is emptied.
+  /// Counts the points that each keyframe shares with the query. Its cost is one look at a tally per observation. Tallies are not
+  /// emptied between calls: the serial in a tally says whether it is of an earlier call.
   void count(const Map& map, keyframe query) {
     if constexpr (!indexed) observer_numbers_.clear();
     counted_.clear(), observers_.clear(), points_.clear();
@@ -145,7 +145,8 @@ class covisibility {
           });
         });
   }
-  /// The same in two passes: which points there are, and which of the queries see each; then whoever else sees them.
+  /// The same for several queries. The first pass lists their points, and which queries see each. The second pass counts, for each
+  /// keyframe that sees such a point, the points that it shares with each query.
   void count_rows(const Map& map, const keyframe* queries, std::size_t count) {
     if constexpr (!indexed) observer_numbers_.clear();
     counted_.clear(), observers_.clear(), points_.clear(), seen_by_.clear(), rows_.clear();
