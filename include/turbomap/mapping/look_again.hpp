@@ -3,9 +3,9 @@
 #pragma once
 
 /// \file
-/// A commit looks at the user's map again before it changes it. On the map itself there is nothing to do: every read looks. Where
-/// a stage works on a map_mirror, the part that the commit concerns is read anew here, so that all its tests are made on what
-/// the user's map holds by now. The caller holds the guard.
+/// Others may have changed the user's map since a stage read it, so a commit reads again what it is about to change. On the map
+/// itself these functions do nothing, because every read is fresh. On a map_mirror, look_...() reads a part of the user's map anew
+/// into the mirror, and ask_for...() asks memory for what is read soon. The caller holds the guard.
 
 #include <cstddef>
 
@@ -20,59 +20,59 @@ TURBOMAP_BEGIN_NAMESPACE
 template <class Map>
 inline constexpr bool is_copy_v = detail::map_has_v<Map, detail::map_look_member>;
 
-/// Whether a keyframe is alive, and its pose.
+/// Reads anew whether a keyframe is alive, and its pose.
 template <class Map>
 void look_again([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::look_again(map, keyframe);
 }
-/// What decides about a point in a commit: whether it is alive, its reference and its observations.
+/// Reads anew what decides about a point in a commit: whether it is alive, its reference and its observations.
 template <class Map>
 void look_at_list([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::look_at_list(map, point);
 }
-/// The slots that its observations name, for a commit that writes to them.
+/// Reads anew the slots that a point's observations name, for a commit that writes to them.
 /// \param alive  remembers which keyframes were found alive; empty when the guard is taken
 template <class Map, class List>
 void look_at_slots_of([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point,
                       [[maybe_unused]] List& alive) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::look_at_slots_of(map, point, alive);
 }
-/// Both.
+/// look_at_list() and look_at_slots_of().
 template <class Map, class List>
 void look_at_point(const Map& map, const typename map_traits<Map>::point& point, List& alive) {
   look_at_list(map, point);
   look_at_slots_of(map, point, alive);
 }
-/// One slot of a keyframe.
+/// Reads one slot of a keyframe anew.
 template <class Map>
 void look_again([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe,
                 [[maybe_unused]] std::size_t keypoint) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::look_again(map, keyframe, keypoint);
 }
-/// The same of a keyframe that has been looked at since the guard was taken, and is alive.
+/// Reads one slot anew, of a keyframe that was found alive since the guard was taken: that is not asked again.
 template <class Map>
 void look_at_live_slot([[maybe_unused]] const Map& map,
                        [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe,
                        [[maybe_unused]] std::size_t keypoint) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::look_at_live_slot(map, keyframe, keypoint);
 }
-/// All of it, when it is next asked for: somebody has moved the map, and what was copied before would be of another time.
+/// Forgets the whole copy: somebody has moved the map. Each part is read anew when it is next asked for.
 template <class Map>
 void forget_copy([[maybe_unused]] const Map& map) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::forget_copy(map);
 }
-/// The same, if it was reported that everything may have changed: for whoever takes the guard.
+/// As forget_copy(), if somebody has called refresh() since. Called whenever the guard is taken.
 template <class Map>
 void hear_refresh([[maybe_unused]] const Map& map) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::hear_refresh(map);
 }
-/// Whether a point is alive.
+/// Reads anew whether a point is alive.
 template <class Map>
 void look_whether_alive([[maybe_unused]] const Map& map,
                         [[maybe_unused]] const typename map_traits<Map>::point& point) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::look_whether_alive(map, point);
 }
-/// A point that is to be erased, and was found alive: its observations, and whether their slots agree.
+/// Reads anew the observations of a point that is to be erased and was found alive, and whether their slots agree.
 /// \param alive  as look_at_point()
 template <class Map, class List>
 void look_before_erasing([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point,
@@ -89,19 +89,19 @@ template <class Map>
 void ask_for([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::ask_for(map, point);
 }
-/// The same of a slot that is looked at soon, and of its keypoint.
+/// Asks memory for a slot that is looked at soon, and for its keypoint.
 template <class Map>
 void ask_for([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe,
              [[maybe_unused]] std::size_t keypoint) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::ask_for(map, keyframe, keypoint);
 }
-/// The same of a keypoint alone, which there is.
+/// As ask_for() of a slot, and asks for its keypoint on any map, not only on a copy. The keypoint must exist.
 template <class Map>
 void ask_for_keypoint(const Map& map, const typename map_traits<Map>::keyframe& keyframe, std::size_t keypoint) {
   prefetch_keypoint(map, keyframe, keypoint);
   ask_for(map, keyframe, keypoint);
 }
-/// The same of all slots that hold a point. Its list should be there by then.
+/// Asks memory for all slots that hold a point. Its list of observations should be there by then.
 template <class Map>
 void ask_for_slots([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::ask_for_slots(map, point);
@@ -111,12 +111,12 @@ template <class Map>
 void expect_points([[maybe_unused]] const Map& map, [[maybe_unused]] std::size_t count) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::expect_points(map, count);
 }
-/// Whether a point is alive, and its position: what is quickly read.
+/// Reads anew whether a point is alive, and its position. Cheaper than look_at_list().
 template <class Map>
 void look_at_position([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::point& point) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::look_at_position(map, point);
 }
-/// A keyframe that is to be erased: its slots, and the points that `fewest` or fewer measurements are left of.
+/// Reads anew the slots of a keyframe that is to be erased, and its points that have `fewest` or fewer measurements left.
 /// \return whether anything had changed
 template <class Map>
 bool look_at_all([[maybe_unused]] const Map& map, [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe,
@@ -126,13 +126,14 @@ bool look_at_all([[maybe_unused]] const Map& map, [[maybe_unused]] const typenam
   else
     return false;
 }
-/// All slots of a keyframe.
+/// Reads all slots of a keyframe anew.
 template <class Map>
 void look_at_slots([[maybe_unused]] const Map& map,
                    [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe) {
   if constexpr (is_copy_v<Map>) map_traits<Map>::look_at_slots(map, keyframe);
 }
-/// Points of a keyframe that is to be erased, as look_at_all(): those in the slots [begin, end), once look_at_slots() was called.
+/// Reads anew the points in the slots [begin, end) of a keyframe that is to be erased, as look_at_all() does for all of them.
+/// look_at_slots() comes before it.
 template <class Map>
 void look_at_points([[maybe_unused]] const Map& map,
                     [[maybe_unused]] const typename map_traits<Map>::keyframe& keyframe, [[maybe_unused]] int fewest,
@@ -148,7 +149,8 @@ void for_each_named_ahead(const Map& map, std::size_t count, At at, Visit visit)
       [&](const auto& point) { ask_for(map, point); });
 }
 
-/// Positions of points, read anew; those of dead points, and what is not finite, stay. \param positions  of each of them
+/// Reads the positions of points anew. A position stays as it was where the point is dead or its new position is not finite.
+/// \param positions  one per point
 template <class Map, class Points, class Positions>
 void read_positions(const Map& map, const Points& points, Positions& positions) {
   for (std::size_t i = 0; i < points.size(); ++i) {
