@@ -3,9 +3,9 @@
 #pragma once
 
 /// \file
-/// A keyframe with thousands of points leaves the user's map in parts, between which others may take the guard. After each part
-/// the map is sound: the keyframe is alive and sees fewer points. Whatever others do to it in between is met by the next part,
-/// which looks again.
+/// To erase a keyframe with thousands of points takes long, and the guard of the user's map must not be held for that long. So its
+/// observations are taken away in parts, and others may take the guard between two of them. After each part the map is sound: the
+/// keyframe is alive and sees fewer points. Each part reads the keyframe again, because others may have changed it.
 
 #include <cstddef>
 #include <cstdint>
@@ -31,30 +31,32 @@ enum class erasure_part : std::uint8_t {
 
 TURBOMAP_BEGIN_NAMESPACE
 
-/// Takes the observations of one keyframe away, and knows the keyframe until end(): what an exception left is gone on with.
+/// Takes the observations of one keyframe away. It remembers the keyframe until end(), so that after an exception the next call
+/// goes on with it.
 template <class Map>
 class erasure_in_parts {
  public:
   using traits = map_traits<Map>;              ///< how the map is read and changed
   using keyframe = typename traits::keyframe;  ///< names a keyframe
 
-  /// A keyframe is to be erased of which nothing is taken away yet. \param id  of it
+  /// Begins with a keyframe; nothing is taken away from it yet. \param id  the keyframe's
   void begin(const keyframe& k, std::uint64_t id) { keyframe_ = k, id_ = id, next_ = 0, active_ = true; }
-  /// It is erased, or stays.
+  /// Forgets the keyframe: it was erased, or stays.
   void end() { keyframe_ = keyframe{}, active_ = false; }
-  /// Whether there is one, begun and not ended.
+  /// Whether a keyframe was begun and not ended.
   bool active() const { return active_; }
-  /// Whether that is this one.
+  /// Whether this keyframe was begun and not ended.
   bool is_of(const keyframe& k) const { return active_ && keyframe_ == k; }
-  /// The one; only where active().
+  /// The keyframe that was begun; only where active().
   const keyframe& of() const { return keyframe_; }
-  /// Its id.
+  /// The id of that keyframe.
   std::uint64_t id() const { return id_; }
 
-  /// Takes away observations of its next points, `most` at most. The last part looks at all keypoints: what others added behind it
-  /// goes too. The caller holds the guard, and has looked whether the keyframe is alive. One that is refused has ended.
+  /// Takes away the observations of the next `most` points. The last part goes over all keypoints once more, so that what others
+  /// added in slots that were empty already goes too. The caller holds the guard and has seen that the keyframe is alive. After
+  /// `refused` the erasure has ended.
   /// \param touched  a list: points that lost a view are appended, some twice
-  /// \throws inconsistent_map  in place of `refused`, as fault_sink says: it has ended then too
+  /// \throws inconsistent_map  in place of `refused`, where `faults` has no list; the erasure has ended then too
   template <class List>
   erasure_part operator()(Map& map, std::size_t most, int fewest, List& touched, fault_sink faults) {
     look_at_slots(map, keyframe_);  // all: other keypoints may see the same points by now
@@ -81,7 +83,7 @@ class erasure_in_parts {
  private:
   keyframe keyframe_{};
   std::uint64_t id_ = 0;
-  std::size_t next_ = 0;  ///< keypoint
+  std::size_t next_ = 0;  ///< the first keypoint that no part has taken
   bool active_ = false;
 };
 

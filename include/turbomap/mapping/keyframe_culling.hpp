@@ -61,15 +61,19 @@ class keyframe_culling {
       put_first(parts_.of());
     return candidates_;
   }
-  /// Takes one candidate out if it is redundant: in the hold in which that is found, or, if it sees more points than a quarter of
-  /// points_read_per_guard, in further ones, so many points in each. It is alive in between, sees fewer points, and others may do
-  /// to it what they like. It stays, with the points that it sees yet, once somebody keeps it (may_erase, or its neighbours in time),
-  /// erases it, or made it contradict itself. Whether it is redundant is not asked again: fewer points would say something else.
-  /// After another exception it is the first candidate of the next snapshot(), and goes on.
+  /// Erases one candidate if it is redundant. A small keyframe goes at once, under the guard under which it was found redundant. One
+  /// that sees more than a quarter of points_read_per_guard points goes in parts: each later hold of the guard takes so many
+  /// observations away, and the last one erases the keyframe.
+  ///
+  /// Between two parts the keyframe is alive and others may change it. Each part asks again whether it may go. If somebody keeps it
+  /// (may_erase, or its neighbours in time), or its slots and points contradict each other, it stays with the points that it still
+  /// sees. If somebody has erased it, nothing more is done. Whether it is redundant is not asked again: the count would be of the
+  /// points that are left. After any other exception it is the first candidate of the next snapshot(), which goes on with it.
   ///
   /// All of these are called under the guard:
-  /// \param erasing  erasing(keyframe): it is redundant, and sees all its points yet (again, and fewer: after an exception)
-  /// \param leaving  leaving(keyframe): it sees none any more, and is erased now
+  /// \param erasing  erasing(keyframe): it is redundant and still sees all its points; called again, with fewer points, after an
+  ///                 exception
+  /// \param leaving  leaving(keyframe): it sees no point any more and is erased next
   /// \param erased   erased(id): its id is free
   template <class Erasing, class Leaving, class Erased>
   void commit(const scope& s, keyframe current, keyframe candidate, const keyframe_culling_options& options,
