@@ -143,7 +143,8 @@ class adjustment_window {
     else
       return false;
   }
-  /// Fixed if asked for, and if it is the origin or no longer in the map.
+  /// Adds a keyframe, unless it is there. It is fixed where it is the origin or no longer in the map.
+  /// \param hold  fixes it in any case
   /// \return its number, or id_table::none when it is not in the store
   std::size_t add_frame(const Map& map, const handle_table& stored, keyframe k, bool hold, fault_sink faults) {
     const std::size_t known = frames_.size(), at = frames_.place(map, k, stored, faults);
@@ -174,8 +175,10 @@ class adjustment_window {
     rows_landmark_.push_back(static_cast<std::int32_t>(number));
     rows_keypoint_.push_back(static_cast<std::int32_t>(keypoint));
   }
-  /// Calls visit(point) with points of the frames that move: the next `most` slots, less what was read. \return whether some are left
-  /// \param keypoints_per_slot  looking at so many keypoints of a frame counts as a slot; 0: it does not count
+  /// Reads one part of the frames that move: calls visit(point) for their next `most` slots, beginning where the call before ended.
+  /// \param most  is reduced by what was read
+  /// \param keypoints_per_slot  to look at so many keypoints of a frame counts as one slot; 0: looking does not count
+  /// \return whether slots are left
   template <class Visit>
   bool read_slots(const Map& map, std::size_t& most, Visit visit, std::size_t keypoints_per_slot = 0) {
     for (; next_frame_ < local_ && most > 0; ++next_frame_, next_slot_ = 0) {
@@ -199,7 +202,7 @@ class adjustment_window {
   std::size_t list_points_of(const Map& map, std::size_t f) {
     const std::size_t keypoints = keypoint_count_of(map, frames_[f]);
     if constexpr (point_numbering<Map>::indexed) {
-      // Most are placed: keyframes of a window share their points. A look into an array tells.
+      // Keyframes of a window share their points, so most points are in it already. Whether one is costs a look into an array.
       list_points_in(map, frames_[f], 0, keypoints, unplaced_,
                      [&](const point& p) { return point_numbers_.find(map, p) == id_table::none; });
       return unplaced_.size();
