@@ -401,6 +401,26 @@ TEST_CASE("an edit that was reported by its point alone is not healed: it was kn
   CHECK(differences(m) == 0);
 }
 
+TEST_CASE("what a keyframe sees that still waits for its turn is read anew, and needs no report") {
+  mirrored_pointer_map m;
+  add_seen_point(m, 6, 3);
+  const auto p = m.number(&m.objects.points[0]);
+  for (std::size_t k = 0; k < 3; ++k) traits::alive(m, m.number(&m.objects.keyframes[k]));
+  REQUIRE(traits::alive(m, p));  // read, as keyframes 0 to 2
+  SUBCASE("tracking has handed over 3, 4 and 5, and the mapper is at 2") {
+    for (std::size_t k = 3; k < 6; ++k)
+      REQUIRE(turbomap::observe(m.objects, &m.objects.points[0], &m.objects.keyframes[k], 2));
+    for (int n = 0; n < 8; ++n) CHECK(m.check_sample(1) == 0);
+  }
+  SUBCASE("the same, and an observation is gone that nobody has reported") {
+    for (std::size_t k = 3; k < 6; ++k)
+      REQUIRE(turbomap::observe(m.objects, &m.objects.points[0], &m.objects.keyframes[k], 2));
+    REQUIRE(turbomap::forget(m.objects, &m.objects.keyframes[1], 2) == &m.objects.points[0]);
+    CHECK(m.check_sample(1) > 0);
+  }
+  CHECK(differences(m) == 0);
+}
+
 TEST_CASE("places of keyframes that others erased are taken again after a mirror was emptied") {
   turbomap::mirror_keyframes<flat_map> places;
   const std::size_t none = places.size();

@@ -82,7 +82,8 @@ struct mapping_report {
   std::size_t points_updated = 0;                ///< whose appearance was computed anew
   plain_vector<std::uint64_t> keyframes_culled;  ///< ids
   fault_list refused;                            ///< what was passed over because it cannot be used; each fault once
-  /// Points and keyframes of the mirror that the sample check found out of date, and read anew.
+  /// Points and keyframes of the mirror that the sample check found out of date, and read anew. Points that miss nothing but views of
+  /// keyframes which have not been read, as those that still wait for their turn, are read anew and not counted.
   std::size_t healed = 0;
   bool cut = false;  ///< the deadline cut a stage
 };

@@ -183,7 +183,7 @@ bool look_at_points(map_copy<Map>& copy, map_keyframe_id k, int fewest, std::siz
         continue;
       }
     }
-    if (read && is_current(copy, copy.at(p))) continue;
+    if (read && compare_point(copy, copy.at(p)) == point_state::current) continue;
     differs = true;
     copy.read_point(copy.at(p));
   }

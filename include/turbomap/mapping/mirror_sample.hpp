@@ -17,19 +17,24 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// How a point that was read compares with the user's map.
+enum class point_state { current, awaits_keyframe, stale };
+
 /// Whether a point that was read is as the user's map has it; the order of observations does not count. The caller holds the guard.
 /// \param p  its place
+/// \return awaits_keyframe: all that is missing are views of keyframes whose slots have not been read. Tracking adds those while the
+///         keyframe waits for its turn, and need not report them
 template <class Map>
-bool is_current(map_copy<Map>& copy, std::size_t p) {
+point_state compare_point(map_copy<Map>& copy, std::size_t p) {
   using user = map_traits<Map>;
   const auto& points = copy.points;
   const auto& name = points.names[p];
-  if (!user::alive(copy.map(), name)) return false;
-  if (!detail::is_as_before(position_of(copy.map(), name), points.positions[p])) return false;
+  if (!user::alive(copy.map(), name)) return point_state::stale;
+  if (!detail::is_as_before(position_of(copy.map(), name), points.positions[p])) return point_state::stale;
   const typename user::keyframe reference = user::reference(copy.map(), name);
   const auto known = points.entries[p].reference;
-  if (!(copy.name(known) == reference || known == copy.number(reference))) return false;
-  std::size_t views = 0;
+  if (!(copy.name(known) == reference || known == copy.number(reference))) return point_state::stale;
+  std::size_t views = 0, unread = 0;
   bool same = true;
   user::for_each_observation(copy.map(), name, [&](const typename user::keyframe& observer, std::size_t keypoint) {
     ++views;
@@ -37,9 +42,14 @@ bool is_current(map_copy<Map>& copy, std::size_t p) {
     for (const observation& o : points.lists.of(p))
       found = found || (static_cast<std::size_t>(o.keypoint) == keypoint &&
                         copy.keyframes[static_cast<std::size_t>(o.keyframe)].name == observer);
-    same = same && found;
+    if (found) return;
+    if (copy.is_unread(observer))
+      ++unread;
+    else
+      same = false;
   });
-  return same && views == points.lists.of(p).size();
+  if (!same || views - unread != points.lists.of(p).size()) return point_state::stale;
+  return unread == 0 ? point_state::current : point_state::awaits_keyframe;
 }
 
 /// Goes round a mirror, one keyframe and a share of all points at a time.
@@ -69,8 +79,9 @@ class mirror_sample {
         if (!map_traits<Map>::alive(copy.map(), points.names[point_])) copy.read_point(point_);
         continue;
       }
-      if (is_current(copy, point_)) continue;
-      ++stale;
+      const point_state state = compare_point(copy, point_);
+      if (state == point_state::current) continue;
+      stale += state == point_state::stale ? 1 : 0;
       copy.read_point(point_);
     }
     return stale;
