@@ -71,8 +71,7 @@ class keyframe_culling {
   /// points that are left. After any other exception it is the first candidate of the next snapshot(), which goes on with it.
   ///
   /// All of these are called under the guard:
-  /// \param erasing  erasing(keyframe): it is redundant and still sees all its points; called again, with fewer points, after an
-  ///                 exception
+  /// \param erasing  erasing(keyframe): it is redundant and still sees all its points, or fewer after an exception
   /// \param leaving  leaving(keyframe): it sees no point any more and is erased next
   /// \param erased   erased(id): its id is free
   template <class Erasing, class Leaving, class Erased>

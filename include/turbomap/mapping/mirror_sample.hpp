@@ -20,7 +20,7 @@ TURBOMAP_BEGIN_NAMESPACE
 /// How a point that was read compares with the user's map.
 enum class point_state { current, awaits_keyframe, stale };
 
-/// Whether a point that was read is as the user's map has it; the order of observations does not count. The caller holds the guard.
+/// Compares a point that was read with the user's map; the order of observations does not count. The caller holds the guard.
 /// \param p  its place
 /// \return awaits_keyframe: all that is missing are views of keyframes whose slots have not been read. Tracking adds those while the
 ///         keyframe waits for its turn, and need not report them
