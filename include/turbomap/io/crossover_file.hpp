@@ -15,7 +15,7 @@
 
 #include "../config.hpp"
 #include "../crossover.hpp"
-#include "../error.hpp"
+#include "../math/number_checks.hpp"
 #include "text_file.hpp"
 #include "text_reader.hpp"
 
@@ -34,8 +34,7 @@ inline constexpr const char* crossover_title = "turbomap crossover 1";
 inline void write_crossover(const std::filesystem::path& file, const crossover& c) {
   std::string text = detail::crossover_title;
   for (std::size_t k = 0; k < work_kinds; ++k) {
-    if (!(c.least[k] >= 0))
-      reject(std::string("c.least[").append(printed(k)).append("]"), c.least[k], "must be an amount, 0 or above");
+    if (!(c.least[k] >= 0)) reject(argument_name("c.least", k).text(), c.least[k], "must be an amount, 0 or above");
     char number[32] = {};  // the shortest form that reads back as it is: 24 characters at most
     std::to_chars(number, number + sizeof number - 1, c.least[k]);
     text.append("\n").append(detail::work_names[k]).append(" ").append(number);
