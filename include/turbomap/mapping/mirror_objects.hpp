@@ -71,11 +71,9 @@ class mirror_objects {
     return same ? before : number(name);
   }
   /// Whether a keyframe is alive in the user's map and its slots are not here: nobody has asked for it yet, or it is to be read anew.
-  bool is_unread(const user_keyframe& name) const {
+  bool is_unread(const user_keyframe& name) {
     if (name == user_keyframe{} || !user_traits::alive(map_, name)) return false;
-    const std::int32_t known = keyframes.find(user_traits::id(map_, name));
-    return known == id_numbers::none || !(keyframes[static_cast<std::size_t>(known)].name == name) ||
-           (keyframes.alive(known) && keyframes[static_cast<std::size_t>(known)].read == 0);
+    return keyframes[at(number(name))].read == 0;
   }
   /// Whether a point that is not alive was found so before, and its number is not free yet.
   bool knows_dead(const user_point& name) const {
