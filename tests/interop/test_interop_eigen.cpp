@@ -44,6 +44,19 @@ TEST_CASE_TEMPLATE("a pose goes to Eigen and back, and maps points alike", T, fl
   }
 }
 
+TEST_CASE_TEMPLATE("a pose that is not quite of unit length is a rigid motion in Eigen too", T, float, double) {
+  const T small = T(20) * std::numeric_limits<T>::epsilon();
+  std::mt19937 random(6);
+  for (const T by : {T(1 + 4e-4), T(1 - 4e-4), T(1)}) {
+    const auto expected = random_pose<T>(random);
+    rigid_transform<T> pose = from_eigen(expected);
+    pose.qx *= by, pose.qy *= by, pose.qz *= by, pose.qw *= by;
+    CHECK((to_eigen(pose).matrix() - expected.matrix()).cwiseAbs().maxCoeff() < small);
+    const Eigen::Matrix<T, 3, 1> x(T(0.5), T(-2), T(3));
+    CHECK((to_eigen(pose) * x - to_eigen(to_isometry<T>(pose) * from_eigen(x))).norm() < small * 4);
+  }
+}
+
 TEST_CASE("a rotation by 180 degrees has a quaternion too") {
   for (int axis = 0; axis < 3; ++axis) {
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();

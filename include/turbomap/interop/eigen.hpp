@@ -27,10 +27,10 @@ template <class T>
 Eigen::Matrix<T, 2, 1> to_eigen(const vec2<T>& a) {
   return {a.x, a.y};
 }
-/// A pose `T_ab` as Eigen::Isometry3: the rotation by the formula that the library itself uses, so both map a point alike.
+/// A pose `T_ab` as Eigen::Isometry3: the rotation that the library itself uses (to_isometry()), so both map a point alike.
 template <class T>
 Eigen::Transform<T, 3, Eigen::Isometry> to_eigen(const rigid_transform<T>& T_ab) {
-  const mat3<T> R = rotation(T_ab);
+  const mat3<T> R = to_isometry<T>(T_ab).R;
   auto result = Eigen::Transform<T, 3, Eigen::Isometry>::Identity();
   for (int r = 0; r < 3; ++r)
     for (int c = 0; c < 3; ++c) result.linear()(r, c) = R(r, c);
