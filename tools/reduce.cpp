@@ -5,10 +5,8 @@
 /// turbomap-reduce: shrinks a recording to the few keyframes that a failure needs.
 
 #include <cstdio>
-#include <filesystem>
 #include <stdexcept>
 #include <string>
-#include <system_error>
 
 #include <CLI/CLI.hpp>
 
@@ -35,9 +33,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1, 255));
   return turbomap_program::run_program(app, argc, argv, [&] {
     if (command.find("{}") == std::string::npos) throw std::invalid_argument("--command: has no {} for the recording");
-    std::error_code ignored;
-    if (std::filesystem::exists(out, ignored) && std::filesystem::equivalent(recording, out, ignored))
-      throw std::invalid_argument("--out: is the recording itself");
+    turbomap_reduce::require_elsewhere(recording, out);
 
     const turbomap::recording whole = turbomap::read_recording(recording);
     const auto tell = [&](const turbomap_reduce::reduction& so_far) {

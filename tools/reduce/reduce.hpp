@@ -5,12 +5,14 @@
 /// \file
 /// Shrinks a recording while a command fails on it in the same way: runs the command on recordings of ever fewer keyframes.
 
+#include <csignal>
 #include <cstddef>
 #include <cstdlib>
 #include <filesystem>
 #include <numeric>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include <sys/wait.h>
@@ -54,6 +56,23 @@ inline void require_replaceable(const std::filesystem::path& folder) {
   }
 }
 
+/// The directory without a slash at the end, and the one beside it that a command runs on.
+struct places {
+  explicit places(const std::filesystem::path& named)
+      : out(named.has_filename() ? named : named.parent_path()), candidate(out.string() + ".candidate") {}
+
+  std::filesystem::path out, candidate;
+};
+
+/// Throws std::invalid_argument where the recording would be removed: it is one of the two directories that are written.
+inline void require_elsewhere(const std::filesystem::path& recording, const std::filesystem::path& named) {
+  const places written(named);
+  std::error_code not_there;
+  for (const auto& folder : {written.out, written.candidate})
+    if (std::filesystem::equivalent(recording, folder, not_there))
+      throw std::invalid_argument("--out: " + folder.string() + " is the recording itself");
+}
+
 struct reduction {
   std::vector<std::size_t> kept;  ///< keyframes of the recording that was given
   int status = 0;                 ///< with which the command ends on them
@@ -63,19 +82,25 @@ struct reduction {
 /// Writes to the directory `named` the recording of the fewest keyframes found on which the command ends with `status`
 /// (negative: with what it ends with on the whole). The directory holds the smallest so far at any time, also of a reduction that
 /// is interrupted; beside it NAMED.candidate is written and removed. `tell(reduction)` is called whenever it became smaller.
-/// Throws std::invalid_argument when the command does not fail on the whole, or where something else is in one of the two.
+/// Throws std::invalid_argument when the command does not fail on the whole, or where something else is in one of the two, and
+/// std::runtime_error when the command is interrupted (SIGINT, SIGQUIT; unless that is the status): while it runs, its caller is not.
 template <class Tell>
 reduction reduce(const turbomap::recording& whole, const std::string& command, const std::filesystem::path& named,
                  int status, Tell tell) {
-  const auto out = named.has_filename() ? named : named.parent_path();  // without a slash at the end
-  const std::filesystem::path candidate = out.string() + ".candidate";
+  const places written(named);
+  const auto &out = written.out, &candidate = written.candidate;
   require_replaceable(out), require_replaceable(candidate);
   reduction found;
   const auto run = [&](const std::vector<std::size_t>& kept) {
     std::filesystem::remove_all(candidate);
     turbomap::write_recording(candidate, keep_keyframes(whole, kept));
     ++found.runs;
-    return status_of(command, candidate);
+    const int ended = status_of(command, candidate);
+    if ((ended == 128 + SIGINT || ended == 128 + SIGQUIT) && ended != status) {
+      std::filesystem::remove_all(candidate);
+      throw std::runtime_error("the command was interrupted");
+    }
+    return ended;
   };
   const auto take = [&](const std::vector<std::size_t>& kept) {
     std::filesystem::remove_all(out);

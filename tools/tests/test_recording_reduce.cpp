@@ -188,3 +188,28 @@ TEST_CASE("a recording shrinks to the keyframes that a command needs to fail") {
   CHECK_THROWS_AS(turbomap_reduce::reduce(one_point(20), command, out, 5, tell), std::invalid_argument);
   CHECK(turbomap::read_recording(out).keyframe_count() == 2);
 }
+
+TEST_CASE("a reduction ends when its command is interrupted") {
+  const turbomap_test::temporary_directory folder;
+  const auto out = folder / "small";
+  const auto tell = [](const turbomap_reduce::reduction&) {};
+  // Fails on the whole, and is interrupted, by a signal or by a program that says so, as soon as something was taken out.
+  for (const std::string signal : {"INT", "QUIT", "130"}) {
+    const std::string stop = signal == "130" ? "exit 130" : "kill -" + signal + " $$";
+    const std::string command = "grep -q DDDD {}/log_kp_desc.npy && grep -q IIII {}/log_kp_desc.npy && exit 7; " + stop;
+    CHECK_THROWS_AS(turbomap_reduce::reduce(one_point(20), command, out, -1, tell), std::runtime_error);
+    CHECK(turbomap::read_recording(out).keyframe_count() == 10);  // half of it holds both
+    CHECK_FALSE(std::filesystem::exists(out.string() + ".candidate"));
+  }
+  // Unless an interruption is what is looked for.
+  CHECK(turbomap_reduce::reduce(one_point(4), "kill -INT $$; {}", out, 130, tell).kept.size() == 1);
+}
+
+TEST_CASE("a recording is not written over itself") {
+  const turbomap_test::temporary_directory folder;
+  const auto recording = folder / "small.candidate";
+  std::filesystem::create_directories(recording);
+  CHECK_THROWS_AS(turbomap_reduce::require_elsewhere(recording, recording), std::invalid_argument);
+  CHECK_THROWS_AS(turbomap_reduce::require_elsewhere(recording, folder / "small" / ""), std::invalid_argument);
+  CHECK_NOTHROW(turbomap_reduce::require_elsewhere(recording, folder / "other"));
+}
