@@ -502,8 +502,7 @@ def device_parts(args, case, centres):
         count = keyframe_count(args, case)
         return {stage: (a / count, b / count) for stage, (a, b) in sums.items()} if heading else None
 
-    name = re.sub(r"[^\w.-]+", "_", " ".join(["kernels", replays.digest(str(library)), case.folder.name,
-                                               replays.mark_of(case.folder), *options]))
+    name = replays.file_name_of(["kernels", replays.digest(str(library)), case.folder.name, replays.mark_of(case.folder), *options])
     return kept(args, args.bin / "turbomap-replay", name, [str(case.folder), *options], read=read,
                 environment={"CUDA_INJECTION64_PATH": str(library), "NVTX_INJECTION64_PATH": cupti})
 

@@ -202,6 +202,13 @@ def variants(replay, given):
     return made
 
 
+def file_name_of(words):
+    """A file name that tells what was run; where that is too long for one, its beginning and a digest of all of it."""
+    text = " ".join(words)
+    name = re.sub(r"[^\w.-]+", "_", text)
+    return name if len(os.fsencode(name)) <= 200 else f"{re.sub('[^!-~]', '_', name)[:150]}_{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+
+
 def replay(args, folder, options, policy=None, run="", growth=False, environment=None, visual=True):
     """The JSON of a replay, with 'failed' where it did not end well. `run` tells replays with the same options apart. With
     `growth`, 'growth_file' names a CSV of times per keyframe. `visual`: without the IMU unless the options ask for it."""
@@ -209,7 +216,7 @@ def replay(args, folder, options, policy=None, run="", growth=False, environment
     options = ["--policy", policy or args.policy, *args.options.split(), *options]
     if visual and "--imu" not in options:
         options.append("--no-imu")
-    name = re.sub(r"[^\w.-]+", "_", " ".join([folder.name, mark_of(folder), *options, *([run] if run else [])]))
+    name = file_name_of([folder.name, mark_of(folder), *options, *([run] if run else [])])
     result = args.work / "results" / digest(program) / (name + ".json")
     if result.exists():
         return json.loads(result.read_text())

@@ -254,6 +254,14 @@ class evaluation(unittest.TestCase):
         run()
         self.assertEqual(len(self.replays()), 4 * all_of_it - 2)  # kept
 
+    def test_options_that_are_too_long_for_a_file_name(self):
+        long, longer = ("--options=" + "--known-octaves no " * 20, "--options=" + "--known-octaves no " * 21)
+        run = lambda options: self.run_it("--quick", "--policies", "seq", "--no-times", options)
+        for times, options in enumerate((long, longer, long), 1):
+            done = run(options)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertEqual(len(self.replays()), min(times, 2))  # others are another run; the same are kept
+
     def test_problems_of_one_name(self):
         text = BUNDLE_STUB.replace('"cost_final": 10', '"cost_final": float(pathlib.Path(sys.argv[1]).read_text())')
         (self.root / "bin/turbomap-bundle").write_text(text.format(python=sys.executable))
