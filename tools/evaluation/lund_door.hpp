@@ -47,11 +47,13 @@ struct photo_evaluation {
   double recall() const { return share(found, reachable); }
 };
 
-/// Keypoints of one photograph by place.
+/// Keypoints of one photograph by place; what a model says to be beside the photograph is in the cells along its border.
 class pixel_grid {
  public:
   pixel_grid(int width, int height)
-      : columns_(width / size + 3), cells_(static_cast<std::size_t>(columns_ * (height / size + 3))) {}
+      : columns_(width / size + 3),
+        rows_(height / size + 3),
+        cells_(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_)) {}
   void add(double x, double y, int index) { cells_[cell(x, y, 0, 0)].push_back({{x, y}, index}); }
   /// Calls f(index, distance) for all within `radius` <= size.
   template <class F>
@@ -73,10 +75,12 @@ class pixel_grid {
  private:
   static constexpr int size = 16;
   std::size_t cell(double x, double y, int dx, int dy) const {
-    const auto at = [](double v, int d) { return static_cast<long>(std::floor(v / size)) + 1 + d; };
-    return static_cast<std::size_t>(at(y, dy) * columns_ + at(x, dx));
+    const auto at = [](double v, int d, int end) {
+      return static_cast<long>(std::clamp(std::floor(v / size) + 1, 0.0, end - 1.0)) + d;
+    };
+    return static_cast<std::size_t>(at(y, dy, rows_) * columns_ + at(x, dx, columns_));
   }
-  int columns_;
+  int columns_, rows_;
   std::vector<std::vector<std::pair<vec2<double>, int>>> cells_;
 };
 

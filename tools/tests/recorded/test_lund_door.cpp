@@ -48,6 +48,17 @@ TEST_CASE("photographs with known poses") {
   SUBCASE("raw pixels") { check(photo_evaluator<turbomap::brown_conrady<double>>(model, photos, options).run()); }
 }
 
+TEST_CASE("pixels by place, also those beside the photograph") {
+  pixel_grid grid(100, 50);
+  grid.add(3, 4, 0), grid.add(-1e9, -1e300, 1), grid.add(1e300, 40, 2), grid.add(-2, 20, 3), grid.add(99, 49, 4);
+  CHECK(grid.nearest(5, 4, 3) == 0);
+  CHECK(grid.nearest(1, 20, 4) == 3);
+  CHECK(grid.nearest(-40, 20, 4) == -1);
+  CHECK(grid.nearest(1e300, 40, 16) == 2);
+  CHECK(grid.nearest(101, 51, 4) == 4);
+  CHECK(grid.nearest(1e9, 1e9, 16) == -1);
+}
+
 #else
 
 TEST_CASE("photographs with known poses") { turbomap_test::skip("OpenCV was not found"); }
