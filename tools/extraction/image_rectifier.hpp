@@ -43,6 +43,8 @@ class image_rectifier {
     const Eigen::Isometry3d T_rl = right.T_bc.inverse() * left.T_bc;
     const Eigen::Matrix3d R_rl = T_rl.linear();
     const Eigen::Vector3d t_rl = T_rl.translation();
+    if (!(t_rl.norm() > 1e-6))
+      throw bad_file("turbomap: the calibration: cam0 and cam1 are at one place");  // stereoRectify() would fail
     cv::Mat R, t, R_left, R_right, P_left, P_right, Q;
     cv::eigen2cv(R_rl, R), cv::eigen2cv(t_rl, t);
     cv::stereoRectify(matrix(left), cameras[0].distortion, matrix(right), cameras[1].distortion, size_, R, t, R_left,

@@ -294,6 +294,8 @@ TEST_CASE("bad data sets are refused by name") {
   const std::string calibration = turbomap_test::file_bytes(sensor), poses = turbomap_test::file_bytes(truth);
   turbomap_test::write_bytes(sensor, "resolution: [752, 480]\n");
   CHECK(has(message(), "intrinsics needs 4 numbers"));
+  turbomap_test::write_bytes(sensor, turbomap_test::file_bytes(folder / "mav0/cam0/sensor.yaml"));
+  CHECK(has(message(), "cam0 and cam1 are at one place"));
   turbomap_test::write_bytes(sensor, calibration);
   turbomap_test::write_bytes(truth, list.substr(0, 19) + ",0,0,0,1,1,0,0\n");
   CHECK(has(message(), "not a unit quaternion"));
