@@ -7,6 +7,7 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <cstring>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
@@ -108,6 +109,22 @@ TEST_CASE("descriptors are seen without a copy, and copied back") {
 
   const cv::Mat floats = cv::Mat::ones(3, 128, CV_32F);
   CHECK(descriptors_from_opencv<real_descriptor<float, 128>>(floats).size() == 384);
+}
+
+TEST_CASE("descriptors of 16-bit numbers") {
+  using D = real_descriptor<half, 64>;
+  cv::Mat floats(3, 64, CV_32F), mat;
+  for (int i = 0; i < 3 * 64; ++i) floats.ptr<float>()[i] = 0.25F * static_cast<float>(i) - 7;
+  floats.convertTo(mat, CV_16F);
+  const auto rows = descriptors_from_opencv<D>(mat);
+  CHECK(static_cast<const void*>(rows.data()) == mat.data);
+  REQUIRE(rows.size() == 3 * 64);
+  for (std::size_t i = 0; i < rows.size(); ++i) CHECK(to_float(rows[i]) == 0.25F * static_cast<float>(i) - 7);
+  const cv::Mat back = descriptors_to_opencv<D>(rows);
+  CHECK(back.type() == CV_16F);
+  CHECK(std::memcmp(back.data, mat.data, rows.size() * sizeof(half)) == 0);
+  CHECK_THROWS_AS(descriptors_from_opencv<D>(floats), std::invalid_argument);
+  CHECK_THROWS_AS(descriptors_from_opencv<D>(cv::Mat::zeros(3, 64, CV_16U)), std::invalid_argument);
 }
 
 TEST_CASE("descriptors of another kind are refused") {

@@ -23,6 +23,7 @@
 #include "../camera/pinhole.hpp"
 #include "../config.hpp"
 #include "../descriptor/descriptor_concept.hpp"
+#include "../descriptor/half.hpp"
 #include "../error.hpp"
 #include "../span.hpp"
 #include "../types.hpp"
@@ -30,6 +31,12 @@
 TURBOMAP_BEGIN_NAMESPACE
 
 namespace detail {
+/// The type of a matrix that holds elements of T.
+template <class T>
+inline constexpr int mat_type = cv::DataType<T>::type;
+template <>
+inline constexpr int mat_type<half> = CV_16F;
+
 /// A size or matrix of OpenCV as it prints itself, for messages.
 template <class Value>
 std::string streamed(const Value& value) {
@@ -71,9 +78,9 @@ template <class Descriptor>
 span<const typename Descriptor::element> descriptors_from_opencv(const cv::Mat& descriptors) {
   using element = typename Descriptor::element;
   static_assert(require_descriptor<Descriptor>());
-  static_assert(sizeof(element) == sizeof(typename cv::DataType<element>::value_type));
+  static_assert(sizeof(element) == CV_ELEM_SIZE(detail::mat_type<element>));
   if (descriptors.empty()) return {};
-  if (descriptors.type() != cv::DataType<element>::type)
+  if (descriptors.type() != detail::mat_type<element>)
     reject("descriptors.type()", cv::typeToString(descriptors.type()), "is not the element type of this descriptor");
   if (descriptors.cols != Descriptor::elements)
     reject("descriptors.cols", descriptors.cols,
@@ -89,7 +96,7 @@ cv::Mat descriptors_to_opencv(span<const typename Descriptor::element> descripto
   require(descriptors.size() % Descriptor::elements == 0, "descriptors.size()", descriptors.size(),
           "must be a multiple of the elements of this descriptor");
   cv::Mat out(static_cast<int>(descriptors.size() / Descriptor::elements), Descriptor::elements,
-              cv::DataType<element>::type);
+              detail::mat_type<element>);
   for (std::size_t i = 0; i < descriptors.size(); ++i) out.ptr<element>()[i] = descriptors[i];
   return out;
 }

@@ -18,6 +18,7 @@
 
 #include "../config.hpp"
 #include "../descriptor/descriptor_concept.hpp"
+#include "../descriptor/half.hpp"
 #include "../error.hpp"
 #include "../span.hpp"
 #include "../types.hpp"
@@ -30,6 +31,10 @@ namespace detail {
 template <class T>
 struct gpu_mat_type {
   static constexpr int value = cv::DataType<T>::type;
+};
+template <>
+struct gpu_mat_type<half> {
+  static constexpr int value = CV_16FC1;
 };
 template <>
 struct gpu_mat_type<vec2<float>> {
