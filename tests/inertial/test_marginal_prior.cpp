@@ -42,6 +42,24 @@ TEST_CASE("derivatives are those of dual numbers") {
   }
 }
 
+TEST_CASE("where it was linearised nothing is added, also to a quaternion that is not quite of unit length") {
+  const inertial_chain c = make_chain(2, 2);
+  const auto scaled = [&](double by) {
+    auto x = c.s.truth[0];
+    x.T_cw.qx *= by, x.T_cw.qy *= by, x.T_cw.qz *= by, x.T_cw.qw *= by;
+    x.T_cw.tx += 50, x.T_cw.ty -= 1000;
+    return x;
+  };
+  for (const double at : {1.0, 1 + 4e-4})
+    for (const double by : {1.0, 1 - 4e-4, 1 + 4e-4}) {
+      marginal_prior_factor::row row{scaled(at), {}, {}};
+      for (int k = 0; k < 15; ++k) row.R[16 * k] = 1;
+      double e[15], J[225];
+      marginal_prior_factor{}.linearise(scaled(by), row, e, J);
+      for (const double x : e) CHECK(std::abs(x) < 1e-11);
+    }
+}
+
 TEST_CASE_TEMPLATE("linearised at the optimum of all frames, the prior keeps that optimum", Policy,
                    TURBOMAP_TEST_TWO_POLICIES) {
   check_chain_optimum(Policy{});

@@ -40,7 +40,7 @@ struct marginal_prior_factor {
   /// d: turn and shift of T_cw as in a step, velocity, biases. Agrees with move_state() to first order.
   template <class S, class = detail::this_target>
   TURBOMAP_HD static void difference(const inertial_state<S>& x, const inertial_state<double>& at, S (&d)[15]) {
-    const mat3<S> turn = rotation(x.T_cw) * transpose(rotation(cast<S>(at.T_cw)));
+    const mat3<S> turn = to_isometry<S>(x.T_cw).R * transpose(to_isometry<S>(at.T_cw).R);
     const vec3<S> parts[5] = {rotation_log(turn), translation(x.T_cw) - turn * cast<S>(translation(at.T_cw)),
                               x.velocity - cast<S>(at.velocity), x.bias.gyro - cast<S>(at.bias.gyro),
                               x.bias.acceleration - cast<S>(at.bias.acceleration)};

@@ -45,8 +45,8 @@ struct bal_reprojection {
   /// The same with derivatives: 2 x 9 by the frame's unknowns, 2 x 3 by the landmark, row by row.
   TURBOMAP_HD bool linearise(const self_calibrated_state<double>& x, const vec3<double>& landmark, const row& measured,
                              double* e, double* d_frame, double* d_landmark) const {
-    const mat3<double> R = rotation(x.T_cw);
-    const vec3<double> P = R * landmark + translation(x.T_cw);
+    const isometry<double> T = to_isometry<double>(x.T_cw);
+    const vec3<double> P = T * landmark;
     if (P.z == 0) return false;
     const double iz = 1 / P.z, p[2] = {-P.x * iz, -P.y * iz}, r2 = p[0] * p[0] + p[1] * p[1];
     const double s = 1 + r2 * (x.k1 + x.k2 * r2), slope = 2 * x.k1 + 4 * x.k2 * r2;
@@ -60,7 +60,7 @@ struct bal_reprojection {
       f[0] = P.y * g.z - P.z * g.y, f[1] = P.z * g.x - P.x * g.z, f[2] = P.x * g.y - P.y * g.x;
       f[3] = g.x, f[4] = g.y, f[5] = g.z;
       f[6] = s * p[i], f[7] = x.f * r2 * p[i], f[8] = x.f * r2 * r2 * p[i];
-      const vec3<double> by_landmark = transpose(R) * g;
+      const vec3<double> by_landmark = transpose(T.R) * g;
       d_landmark[3 * i] = by_landmark.x, d_landmark[3 * i + 1] = by_landmark.y, d_landmark[3 * i + 2] = by_landmark.z;
     }
     return true;
