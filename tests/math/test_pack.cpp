@@ -142,6 +142,15 @@ TEST_CASE("the exponential of a motion, small and large") {
   }
 }
 
+TEST_CASE("powers of a dual number that is 0") {
+  using D = dual<1>;
+  const D zero = D::variable(0, 0);
+  CHECK((pow(zero, 0).a == 1 && pow(zero, 0).d[0] == 0));  // the first term of a polynomial
+  CHECK((pow(zero, 1).a == 0 && pow(zero, 1).d[0] == 1));
+  CHECK((pow(zero, 2).a == 0 && pow(zero, 2).d[0] == 0));
+  CHECK(std::isinf(pow(zero, 0.5).d[0]));
+}
+
 TEST_CASE("dual numbers: every function against central differences") {
   const auto check = [](auto f, double x) {
     using D = dual<2>;

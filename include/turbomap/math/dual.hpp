@@ -100,7 +100,8 @@ struct dual {
   }
   TURBOMAP_HD friend dual abs(const dual& x) { return x.a < 0 ? -x : x; }
   TURBOMAP_HD friend dual pow(const dual& x, double exponent) {
-    return chain(x, ::pow(x.a, exponent), exponent * ::pow(x.a, exponent - 1));
+    const double slope = exponent == 0 ? 0.0 : exponent * ::pow(x.a, exponent - 1);  // x^0 is 1, also of 0
+    return chain(x, ::pow(x.a, exponent), slope);
   }
   /// @}
 };
