@@ -105,14 +105,29 @@ def peer_rows(folder):
         return []
     rows = []
     with open(folder / name, newline="") as file:
-        for row in csv.DictReader(file):
-            ms = {stage: float(row[column]) for stage, column in PEER_COLUMNS.items()}
-            ms["creation"] = float(row["ms_createnew"]) - ms["search"]
-            ms["total"] = sum(ms.values())
-            rows.append({**ms, "arrival": 1000 * float(row["timestamp"]), "told": int(row["iter"]) > 10 and row["snapshot"] == "0"})
+        table_of_peer = csv.DictReader(file)
+        try:
+            for row in table_of_peer:
+                ms = {stage: float(row[column]) for stage, column in PEER_COLUMNS.items()}
+                ms["creation"] = float(row["ms_createnew"]) - ms["search"]
+                ms["total"] = sum(ms.values())
+                rows.append({**ms, "arrival": 1000 * float(row["timestamp"]), "told": int(row["iter"]) > 10 and row["snapshot"] == "0"})
+        except KeyError as column:
+            sys.exit(f"evaluate: {folder / name}: there is no column {column}")
+        except (TypeError, ValueError):  # a field that is missing is None
+            sys.exit(f"evaluate: {folder / name}: line {table_of_peer.line_num}: a number is missing")
     for row in reversed(rows):
         row["arrival"] -= rows[0]["arrival"]
     return rows
+
+
+def meta_of(folder):
+    """What a recording's meta.json says."""
+    try:
+        meta = json.loads((folder / "meta.json").read_text())
+    except ValueError as fault:
+        sys.exit(f"evaluate: {folder / 'meta.json'}: {fault}")
+    return meta if isinstance(meta, dict) else {}  # which turbomap-replay will refuse
 
 
 def peer_under_load(rows, rate):
@@ -144,7 +159,7 @@ def all_cases(args):
     made = []
     for name, folder in replays.recorded(args):
         made.append(set_up(name, folder))
-        if json.loads((folder / "meta.json").read_text()).get("sensor") == "inertial" and not args.no_inertial:
+        if meta_of(folder).get("sensor") == "inertial" and not args.no_inertial:
             made.append(set_up(name + ", IMU", folder, ["--imu"]))
     if not args.no_simulated:
         for rig, trajectory, _, _, folder, command in replays.simulated(args):
@@ -472,7 +487,7 @@ def stages_alone(args, case, policy, take):
     """The job that gives {stage: {'ms_median': ..., 'oracle_ms_median': ...}} of turbomap-bench on a recording's snapshots, or its
     fault, to take(); None: there are no snapshots, or there is no program."""
     program, repetitions = args.bin / "turbomap-bench", "3" if args.quick else "5"
-    if not program.exists() or not json.loads((case.folder / "meta.json").read_text()).get("snapshots"):
+    if not program.exists() or not meta_of(case.folder).get("snapshots"):
         return None
 
     def work():

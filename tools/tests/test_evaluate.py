@@ -367,6 +367,22 @@ class evaluation(unittest.TestCase):
             self.assertEqual(done.returncode, 2, done.stderr)
             self.assertRegex(done.stderr.splitlines()[-1], f"error: argument {option}: .*'{value.split(',')[-1]}'")
 
+    def test_recordings_that_cannot_be_read_are_named(self):
+        timing, meta = self.recording / "timing.csv", self.recording / "meta.json"
+        good = timing.read_text()
+        last = good.splitlines()[-1]
+        for file, text, message in ((timing, good.replace("ms_lba", "ms_other"), "there is no column 'ms_lba'"),
+                                    (timing, good.replace(last, last[:last.rindex(",25")]), "line 32: a number is missing"),
+                                    (timing, good.replace(last, last.replace("20", "x")), "line 32: a number is missing"),
+                                    (meta, "{'no': JSON}", "Expecting property name")):
+            before = file.read_text()
+            file.write_text(text)
+            done = self.run_it("--quick")
+            file.write_text(before)
+            self.assertEqual(done.returncode, 1)
+            self.assertEqual(len(done.stderr.splitlines()), 1, done.stderr)
+            self.assertIn(f"evaluate: {file}: {message}", done.stderr)
+
     def test_options_that_are_taken(self):
         taken = "--rigs stereo,fisheye --seeds 0,12 --noise 0,.5,1e-3 --drift 2. --keyframes 0"
         with unittest.mock.patch.object(sys, "argv", ["evaluate_creation.py", *taken.split()]):
