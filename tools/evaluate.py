@@ -552,15 +552,15 @@ def costs_over_time(found, who="turbomap"):
 
 
 def best_cost(*founds):
-    """The lowest final cost of ours or of Ceres."""
-    return min(cost for found in founds for cost in (get(found.get("turbomap", found), "cost_final"), get(found, "ceres", "cost_final"))
-               if cost is not None)
+    """The lowest final cost of ours or of Ceres; None: none is a number."""
+    return min((cost for found in founds for cost in (get(found.get("turbomap", found), "cost_final"), get(found, "ceres", "cost_final"))
+                if cost is not None), default=None)
 
 
 def time_to(best, found, who="turbomap"):
     """ms to within 1 % of the best cost."""
     line = costs_over_time(found, who)
-    return next((ms for ms, cost in line if cost is not None and cost <= 1.01 * best), "not reached") if line else None
+    return next((ms for ms, cost in line if None not in (cost, best) and cost <= 1.01 * best), "not reached") if line else None
 
 
 def table_bundle(adjusted):
@@ -798,7 +798,9 @@ def running_median(values, half=5):
 
 
 def plot_of_costs(name, lines, best):
-    """`lines`: {who: [(ms, cost)]}"""
+    """`lines`: {who: [(ms, cost)]}; no plot of a best cost that has no logarithm."""
+    if not best:
+        return ""
     above = {who: [(ms, max(math.log10(cost / best), 0)) for ms, cost in line if cost is not None] for who, line in lines.items()}
     return plot(f"{name}: cost over time", "ms", "log10 of cost / best cost", above)
 

@@ -341,6 +341,16 @@ class evaluation(unittest.TestCase):
         self.assertEqual(self.figure(bundle, ("problem-1", "Ceres"), "iterations"), "2")
         self.assertIn("Ceres</text>", (self.root / "out/cost_problem_1.svg").read_text())
 
+    def test_a_problem_whose_cost_is_no_number_or_0(self):
+        """As of a file with a pixel of 1e200, and of one without noise."""
+        found = lambda cost, *costs: {("p", "-"): {"cost_initial": cost, "cost_final": cost, "costs": costs, "iterations": len(costs),
+                                                   "ms_per_iteration": 2.0}}
+        self.assertNotIn("final cost", evaluate.table_bundle(found(None)).rows[0][1])
+        self.assertEqual(evaluate.table_bundle(found(None, None)).rows[0][1]["ms to within 1 % of the best cost"], "not reached")
+        self.assertEqual(evaluate.table_bundle(found(0.0, 0.0)).rows[0][1]["final cost"], "0")
+        for of in (found(None), found(None, None), found(0.0, 0.0)):
+            self.assertEqual(evaluate.plots([], [], {}, of, {}), {})
+
     def test_gains_of_a_thousand(self):
         """Such numbers are shown with a comma."""
         timing = self.recording / "timing.csv"
