@@ -27,8 +27,7 @@ struct arguments {
   bool page_locked = false;               ///< what is adjusted lies in page-locked memory
   double perturb_m = 0, perturb_rad = 0;  ///< noise added to what is free, before the adjustment
   unsigned seed = 1;
-  /// fx fy cx cy bf of a problem of `lba` arrays without a camera: those of the synthetic ones.
-  std::vector<double> camera{435.2, 435.2, 367.4, 252.2, 47.9};
+  std::vector<double> camera;  ///< fx fy cx cy bf of a synthetic problem; empty: that of the recorded ones
 };
 
 /// The outcome of a run: its JSON, and whether every check held.

@@ -112,12 +112,16 @@ inline loaded_problem load_colmap(const std::filesystem::path& folder) {
   return p;
 }
 
+/// Whether the input of format `lba` is a synthetic problem: it has no camera.
+inline bool is_synthetic(const std::filesystem::path& input) { return std::filesystem::exists(input / "e_kf.npy"); }
+
 /// A synthetic problem, or the folder of a snapshot inside of its recording.
 inline loaded_problem load_lba(const arguments& a) {
-  if (std::filesystem::exists(a.input / "e_kf.npy")) {
+  if (is_synthetic(a.input)) {
     auto s = turbomap::read_synthetic_lba(a.input);
-    const turbomap::pinhole<double> camera{a.camera[0], a.camera[1], a.camera[2], a.camera[3]};
-    return rig_problem<turbomap::pinhole<double>>{{{camera, {}, a.camera[4], {}}}, std::move(s.data)};
+    const auto c = a.camera.empty() ? std::vector<double>{435.2, 435.2, 367.4, 252.2, 47.9} : a.camera;
+    const turbomap::pinhole<double> camera{c[0], c[1], c[2], c[3]};
+    return rig_problem<turbomap::pinhole<double>>{{{camera, {}, c[4], {}}}, std::move(s.data)};
   }
   auto folder = std::filesystem::absolute(a.input).lexically_normal();
   if (folder.filename().empty()) folder = folder.parent_path();
@@ -147,8 +151,11 @@ inline void perturb(turbomap::reprojection_data& d, const arguments& a) {
   }
 }
 
-/// Reads the input. Throws bad_file naming file and reason, and std::invalid_argument where a problem cannot be perturbed.
+/// Reads the input. Throws bad_file naming file and reason, and std::invalid_argument for a camera that is not needed, and where a
+/// problem cannot be perturbed.
 inline loaded_problem load(const arguments& a, const std::string& format) {
+  if (!a.camera.empty() && (format != "lba" || !is_synthetic(a.input)))
+    throw std::invalid_argument("--camera: is for synthetic problems, not for this one");
   loaded_problem p = [&]() -> loaded_problem {
     if (format == "schur") return turbomap::read_schur_system(a.input);
     if (format == "lba") return load_lba(a);

@@ -107,10 +107,23 @@ struct adjust_loaded {
   }
 };
 
-/// Throws bad_file for an input that cannot be read.
+/// Throws std::invalid_argument where it is said how a recorded linear system is to be adjusted: it is only checked.
+inline void refuse_adjustment(const arguments& given) {
+  const arguments usual;
+  const auto refuse = [](const char* option, bool is_usual) {
+    if (!is_usual) throw std::invalid_argument(std::string(option) + ": is for problems that are adjusted");
+  };
+  refuse("--solver", given.solver == usual.solver), refuse("--precision", given.precision == usual.precision);
+  refuse("--kernel", given.kernel == usual.kernel), refuse("--damping", given.damping == usual.damping);
+  refuse("--iterations", given.iterations == usual.iterations);
+  refuse("--lambda-scale", given.lambda_scale == usual.lambda_scale);
+}
+
+/// Throws bad_file for an input that cannot be read, and std::invalid_argument for what would be ignored.
 template <class Policy>
 outcome run(const Policy& policy, const arguments& given) {
   const std::string format = given.format.empty() ? format_of(given.input) : given.format;
+  if (format == "schur") refuse_adjustment(given);
   const arguments a = with_damping(given, format);
   outcome o;
   o.json = std::visit(adjust_loaded<Policy>{policy, a}, load(a, format));

@@ -9,6 +9,7 @@
 #include <doctest/doctest.h>
 
 #include "bundle/load.hpp"
+#include "bundle/run.hpp"
 #include "support/files.hpp"
 
 using turbomap_test::bad_file_message;
@@ -39,4 +40,24 @@ TEST_CASE("a problem that cannot be perturbed is not taken as it is where that i
     CHECK_THROWS_WITH_AS(turbomap_bundle::load(a, a.format), doctest::Contains("--perturb-m"), std::invalid_argument);
     *noise = 0;
   }
+}
+
+TEST_CASE("what a problem does not need is refused by name") {
+  turbomap_bundle::arguments a;
+  a.input = "20,100,400", a.format = "generated", a.camera = {435, 435, 367, 252, 0};
+  CHECK_THROWS_WITH_AS(turbomap_bundle::load(a, a.format), doctest::Contains("--camera"), std::invalid_argument);
+
+  const turbomap_bundle::arguments usual;
+  CHECK_NOTHROW(turbomap_bundle::refuse_adjustment(usual));
+  const auto refused = [&](const char* option, auto change) {
+    auto given = usual;
+    change(given);
+    CHECK_THROWS_WITH_AS(turbomap_bundle::refuse_adjustment(given), doctest::Contains(option), std::invalid_argument);
+  };
+  refused("--solver", [](auto& g) { g.solver = "dense"; });
+  refused("--precision", [](auto& g) { g.precision = "float32"; });
+  refused("--kernel", [](auto& g) { g.kernel = "none"; });
+  refused("--damping", [](auto& g) { g.damping = "identity"; });
+  refused("--iterations", [](auto& g) { g.iterations = 3; });
+  refused("--lambda-scale", [](auto& g) { g.lambda_scale = 1; });
 }
