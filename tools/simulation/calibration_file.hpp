@@ -93,8 +93,9 @@ inline simulated_camera camera_of(const std::filesystem::path& file, const std::
   };
   simulated_camera camera;
   const auto k = take("intrinsics", 4), size = take("resolution", 2);
-  if (!(k[0] > 0 && k[1] > 0 && size[0] > 38 && size[1] > 38)) fail("intrinsics and resolution must be positive");
-  if (!(size[0] < 65536 && size[1] < 65536)) fail("resolution must be less than 65536");
+  if (!(k[0] > 0 && k[1] > 0)) fail("focal lengths must be positive");
+  for (const double side : size)
+    if (!(side > 38 && side < 65536)) fail("resolution must be more than 38 and less than 65536");
   camera.width = static_cast<int>(size[0]), camera.height = static_cast<int>(size[1]);
   const std::string model = block.text["distortion_model"];
   if (model == "equidistant") {

@@ -618,7 +618,8 @@ TEST_CASE("a calibration file gives a rig, or is refused by name") {
     CHECK(turbomap_test::has(camera("255", number), "cam0: intrinsics has a number that is not finite"));
     CHECK(turbomap_test::has(camera("1e-3", number), "cam0: distortion_coeffs has a number that is not finite"));
   }
-  CHECK(turbomap_test::has(camera("[512, 512]", "[512, 1e12]"), "cam0: resolution must be less than 65536"));
+  for (const char* size : {"[512, 1e12]", "[512, 30]"})
+    CHECK(turbomap_test::has(camera("[512, 512]", size), "cam0: resolution must be more than 38 and less than 65536"));
   for (const char* row : {"[0, 2, 0, 0]", "[0, -1, 0, 0]", "[0, 0, 0, 0]", "[0, 1, 0, 1e300]"}) {
     CAPTURE(row);
     CHECK(turbomap_test::has(camera("[0, 1.0, 0, 0]", row), "cam0: T_cam_imu is not a rotation and a translation"));
