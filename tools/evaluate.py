@@ -922,6 +922,11 @@ def main():
     args = parse_arguments()
     if args.check:
         return check(args.check)
+    if args.docs:  # now, not when all has been run
+        try:
+            with_block(args.docs.read_text(), [])
+        except (OSError, ValueError) as fault:
+            sys.exit(f"evaluate: {args.docs}: {fault}")
     simulates = [] if args.no_simulated else [args.bin / "turbomap-simulate"]
     for needed in (args.bin / "turbomap-replay", *simulates):
         if not needed.exists():

@@ -393,6 +393,17 @@ class evaluation(unittest.TestCase):
             self.assertEqual(len(done.stderr.splitlines()), 1, done.stderr)
             self.assertIn(f"evaluate: {file}: {message}", done.stderr)
 
+    def test_a_page_without_marks_is_refused_before_anything_is_run(self):
+        page = self.root / "page.md"
+        for text, message in ((None, "No such file"), ("# Page\n", "it lacks the lines")):
+            if text is not None:
+                page.write_text(text)
+            done = self.run_it("--quick", "--docs", str(page))
+            self.assertEqual(done.returncode, 1)
+            self.assertEqual(len(done.stderr.splitlines()), 1, done.stderr)
+            self.assertRegex(done.stderr, f"evaluate: {page}: .*{message}")
+            self.assertFalse((self.root / "log").exists() or (self.root / "figures").exists() or (self.root / "out").exists())
+
     def test_options_that_are_taken(self):
         taken = "--rigs stereo,fisheye --seeds 0,12 --noise 0,.5,1e-3 --drift 2. --keyframes 0"
         with unittest.mock.patch.object(sys, "argv", ["evaluate_creation.py", *taken.split()]):
