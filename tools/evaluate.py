@@ -931,10 +931,14 @@ def main():
     for needed in (args.bin / "turbomap-replay", *simulates):
         if not needed.exists():
             sys.exit(f"evaluate: {needed} is not there: ./quickstart build, or --bin")
-    (args.work / "recordings").mkdir(parents=True, exist_ok=True)
     names, made = policies(args), all_cases(args)
     if not names or not made:
         sys.exit("evaluate: there is nothing to replay: no policy or no recording")
+    for folder in (args.work / "recordings", args.out):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as fault:
+            sys.exit(f"evaluate: {folder} cannot be made: {fault.strerror}")
     replays.sweep(args.work)
     try:
         results, clock, adjusted, made_problems, alone, device, others = run_all(args, made, names)
@@ -967,7 +971,6 @@ def main():
         tables.append(failed)
     tables = [t for t in tables if t and t.rows]
     drawn = {} if args.no_times else plots(made, names, results, adjusted, made_problems)
-    args.out.mkdir(parents=True, exist_ok=True)
     write_csv(args.out / "evaluation.csv", tables)
     shown = [*tables, *([table_plots(made, drawn, "")] if drawn else [])]
     (args.out / "evaluation.md").write_text("# Evaluation of local mapping\n\n" + block(shown) + "\n")

@@ -391,6 +391,8 @@ def summary(groups, variant_names):
 
 def main():
     args = parse_arguments()
+    if args.out and (args.out.is_dir() or not args.out.absolute().parent.is_dir()):  # now, not when all has been run
+        sys.exit(f"evaluate_creation: --out: {args.out} cannot be written")
     program = args.bin / "turbomap-replay"
     for needed in (program, args.bin / "turbomap-simulate"):
         if not needed.exists():

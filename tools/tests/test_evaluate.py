@@ -404,6 +404,20 @@ class evaluation(unittest.TestCase):
             self.assertRegex(done.stderr, f"evaluate: {page}: .*{message}")
             self.assertFalse((self.root / "log").exists() or (self.root / "figures").exists() or (self.root / "out").exists())
 
+    def test_folders_that_cannot_be_made(self):
+        (self.root / "file").write_text("")
+        for option in ("--out", "--work"):
+            done = self.run_it("--quick", option, str(self.root / "file"))
+            self.assertEqual(done.returncode, 1)
+            self.assertEqual(len(done.stderr.splitlines()), 1, done.stderr)
+            self.assertIn("cannot be made", done.stderr)
+            self.assertFalse((self.root / "log").exists())  # nothing was run
+        for out in (self.root, self.root / "file/table.md"):
+            done = subprocess.run([sys.executable, str(TOOLS / "evaluate_creation.py"), "--out", str(out)], capture_output=True, text=True,
+                                  env=self.environment())
+            self.assertEqual(done.returncode, 1)
+            self.assertIn(f"--out: {out} cannot be written", done.stderr)
+
     def test_options_that_are_taken(self):
         taken = "--rigs stereo,fisheye --seeds 0,12 --noise 0,.5,1e-3 --drift 2. --keyframes 0"
         with unittest.mock.patch.object(sys, "argv", ["evaluate_creation.py", *taken.split()]):
