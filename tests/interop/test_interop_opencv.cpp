@@ -60,31 +60,41 @@ TEST_CASE("keypoints keep position, angle and octave") {
 
 TEST_CASE("in_full_image finds the pixel that resize() made a level's pixel of") {
   // Each pixel of the image holds its own column; so does each pixel of a level, of the column in the full image.
-  constexpr int width = 752, height = 40;
-  cv::Mat level(height, width, CV_64F);
-  for (int row = 0; row < height; ++row)
-    for (int column = 0; column < width; ++column) level.at<double>(row, column) = column;
-  double s = 1;
-  for (std::uint8_t octave = 0; octave < 8; ++octave, s *= 1.2) {
-    const int columns = static_cast<int>(std::lround(width / s)), rows = static_cast<int>(std::lround(height / s));
-    if (octave > 0) cv::resize(level, level, cv::Size(columns, rows), 0, 0, cv::INTER_LINEAR);
-    for (const int column : {5, columns / 2, columns - 6}) {
-      keypoint k;
-      k.x = static_cast<float>(column * s), k.octave = octave, k.u_right = static_cast<float>(3 * s), k.depth = 2;
-      const keypoint there = in_full_image(k, width, height, 1.2F);
-      CHECK(there.x == doctest::Approx(level.at<double>(rows / 2, column)).epsilon(1e-3));
-      CHECK(there.depth * (there.x - there.u_right) == doctest::Approx(2 * (k.x - k.u_right)).epsilon(1e-4));
+  constexpr int height = 40;
+  struct {
+    int width;
+    float factor;
+    std::uint8_t octaves;
+  } const pyramids[] = {
+      {752, 1.2F, 8}, {645, 1.2F, 8}, {1241, 2, 4}, {1242, 2, 4}};  // 645 / 1.2 = 537.5, 1241 / 2 = 620.5
+  for (const auto& p : pyramids) {
+    CAPTURE(p.width);
+    cv::Mat level(height, p.width, CV_64F);
+    for (int row = 0; row < height; ++row)
+      for (int column = 0; column < p.width; ++column) level.at<double>(row, column) = column;
+    for (std::uint8_t octave = 0; octave < p.octaves; ++octave) {
+      const auto s = static_cast<float>(std::pow(static_cast<double>(p.factor), octave));
+      const int columns = cvRound(static_cast<float>(p.width) * (1 / s));  // as cv::ORB has it
+      const int rows = cvRound(static_cast<float>(height) * (1 / s));
+      if (octave > 0) cv::resize(level, level, cv::Size(columns, rows), 0, 0, cv::INTER_LINEAR);
+      for (const int column : {5, columns / 2, columns - 6}) {
+        keypoint k;
+        k.x = static_cast<float>(column) * s, k.octave = octave, k.u_right = 3 * s, k.depth = 2;
+        const keypoint there = in_full_image(k, p.width, height, p.factor);
+        CHECK(std::abs(static_cast<double>(there.x) - level.at<double>(rows / 2, column)) < 0.02);
+        CHECK(there.depth * (there.x - there.u_right) == doctest::Approx(2 * (k.x - k.u_right)).epsilon(1e-4));
+      }
     }
   }
   keypoint k;
   k.x = 7, k.y = 9;
-  const keypoint same = in_full_image(k, width, height, 1.2F);
+  const keypoint same = in_full_image(k, 752, 40, 1.2F);
   CHECK(same.x == 7);
   CHECK(same.y == 9);
   CHECK(same.u_right == -1);
   k.octave = 30;
-  CHECK_THROWS_AS(in_full_image(k, width, height, 1.2F), std::invalid_argument);
-  CHECK_THROWS_AS(in_full_image(k, 0, height, 1.2F), std::invalid_argument);
+  CHECK_THROWS_AS(in_full_image(k, 752, 40, 1.2F), std::invalid_argument);
+  CHECK_THROWS_AS(in_full_image(k, 0, 40, 1.2F), std::invalid_argument);
 }
 
 TEST_CASE("an octave that is not a level is refused") {

@@ -16,8 +16,8 @@
 namespace turbomap {
 
 /// The keypoint with x, y, and u_right where it has one, moved to where they are in the full image:
-/// (x / s^o + 1/2) w / round(w / s^o) - 1/2, w the width (y: the height), as pixels map in OpenCV's resize(). The depth changes
-/// with the disparity. Octave 0 stays as it is.
+/// (x / s^o + 1/2) w / w_o - 1/2, as pixels map in OpenCV's resize(): w the width (y: the height), and w_o that of the level, w / s^o
+/// rounded as extractors do. The depth changes with the disparity. Octave 0 stays as it is.
 /// For keypoints of an extractor that resizes the image for each level and multiplies by s^o, as ORB of OpenCV and of systems
 /// that follow [ORB-SLAM]; before lens distortion is removed, as it is in pixels of the image that was resized.
 /// \param width,height  of the full image, px   \param scale_factor  s, from a level to the next
@@ -27,7 +27,10 @@ inline keypoint in_full_image(keypoint k, int width, int height, float scale_fac
   require(height > 0, "height", height, "must be positive");
   require(scale_factor > 0, "scale_factor", scale_factor, "must be positive");
   const double s = std::pow(static_cast<double>(scale_factor), static_cast<double>(k.octave));
-  const double columns = std::round(width / s), rows = std::round(height / s);
+  // As extractors do, OpenCV's ORB among them: in float, and halves to the even number. Of 1241 px half are 620, not 621.
+  const float inverse = 1 / static_cast<float>(s);
+  const double columns = std::nearbyint(static_cast<float>(width) * inverse);
+  const double rows = std::nearbyint(static_cast<float>(height) * inverse);
   require(columns >= 1 && rows >= 1, "octave", static_cast<int>(k.octave), "leaves nothing of the image");
   const auto move = [s](float x, double ratio) { return static_cast<float>((x / s + 0.5) * ratio - 0.5); };
   k.x = move(k.x, width / columns), k.y = move(k.y, height / rows);
