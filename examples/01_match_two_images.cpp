@@ -18,6 +18,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <opencv2/features2d.hpp>
+#include <turbomap/camera/full_image_keypoint.hpp>
 #include <turbomap/camera/pinhole.hpp>
 #include <turbomap/context.hpp>
 #include <turbomap/descriptor/binary.hpp>
@@ -48,6 +49,7 @@ features find_features(const example::view& view, const camera& pinhole) {
   cv::ORB::create(4000)->detectAndCompute(view.image, {}, f.raw, f.descriptors);
   f.keypoints = turbomap::keypoints_from_opencv(f.raw);
   for (turbomap::keypoint& k : f.keypoints) {
+    k = turbomap::in_full_image(k, view.image.cols, view.image.rows, 1.2F);  // ORB's pixels of coarser levels are off
     turbomap::vec3<double> ray{};
     turbomap::vec2<double> pixel{k.x, k.y};
     if (!view.camera.unproject(pixel, ray) || !pinhole.project(ray, pixel))

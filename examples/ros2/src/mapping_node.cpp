@@ -23,6 +23,7 @@
 #include <sensor_msgs/point_cloud2_iterator.hpp>
 #include <string>
 #include <thread>
+#include <turbomap/camera/full_image_keypoint.hpp>
 #include <turbomap/interop/opencv.hpp>
 #include <utility>
 #include <vector>
@@ -150,11 +151,14 @@ class mapping_node : public rclcpp::Node {
     cv::Mat descriptors;
     orb_->detectAndCompute(image, {}, found, descriptors);
     if (found.empty()) return;
-    std::vector<cv::Point2f> pixels;
-    cv::KeyPoint::convert(found, pixels);
-    cv::undistortPoints(pixels, pixels, K_, distortion_, {}, K_);
-    for (std::size_t i = 0; i < found.size(); ++i) found[i].pt = pixels[i];
     f.keypoints = turbomap::keypoints_from_opencv(found);
+    std::vector<cv::Point2f> pixels;
+    for (auto& k : f.keypoints) {  // ORB's pixels of coarser levels are off
+      k = turbomap::in_full_image(k, image.cols, image.rows, static_cast<float>(orb_->getScaleFactor()));
+      pixels.emplace_back(k.x, k.y);
+    }
+    cv::undistortPoints(pixels, pixels, K_, distortion_, {}, K_);
+    for (std::size_t i = 0; i < pixels.size(); ++i) f.keypoints[i].x = pixels[i].x, f.keypoints[i].y = pixels[i].y;
     const auto bytes = turbomap::descriptors_from_opencv<pose_mapper::orb>(descriptors);
     f.descriptors.assign(bytes.begin(), bytes.end());
     {
