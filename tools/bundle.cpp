@@ -46,7 +46,7 @@ int main(int argc, char** argv) {
   app.add_option("--policy", a.policy, "execution policy")->check(CLI::IsMember({"seq", "omp", "tbb", "cuda"}));
   turbomap_bundle::add_options(app, a);
   app.add_option("--repeat", a.repeat, "adjust so many times; times are medians without the first")
-      ->check(CLI::PositiveNumber);
+      ->check(turbomap_program::positive());
   app.add_flag(
       "--page-locked", a.page_locked,
       "with --policy cuda: rows and points lie in page-locked memory, as those of a system that gathers them there");

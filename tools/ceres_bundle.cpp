@@ -76,7 +76,8 @@ int main(int argc, char** argv) {
       "  turbomap-ceres-bundle bal-ladybug-49/problem-49-7776-pre.txt --iterations 50");
   app.add_option("input", a.input, "file or folder of the problem, as for turbomap-bundle")->required();
   add_options(app, a);
-  app.add_option("--repeat", a.repeat, "adjust so many times in turns; times are medians")->check(CLI::PositiveNumber);
+  app.add_option("--repeat", a.repeat, "adjust so many times in turns; times are medians")
+      ->check(turbomap_program::positive());
   return turbomap_program::run_program(app, argc, argv, [&] {
     const std::string format = format_of(a.input);
     auto json = std::visit(compare{with_damping(a, format)}, load(a, format));

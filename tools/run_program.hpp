@@ -17,6 +17,25 @@
 
 namespace turbomap_program {
 
+/// \name What the value of an option must be
+/// For numbers without an upper end, of which CLI11's own say that 0 is not in range 0.000000 to a number of 309 digits.
+/// @{
+inline CLI::Validator above(bool (*is_above)(double), const char* rule, const char* name) {
+  const auto fault = [is_above, rule](const std::string& value) {
+    char* end = nullptr;
+    const double number = std::strtod(value.c_str(), &end);
+    return end != value.c_str() && *end == '\0' && is_above(number) ? std::string() : value + rule;
+  };
+  return {fault, name};
+}
+inline CLI::Validator positive() {
+  return above([](double number) { return number > 0; }, " is not a positive number", "POSITIVE");
+}
+inline CLI::Validator not_negative() {
+  return above([](double number) { return number >= 0; }, " is not a number from 0 on", "FROM 0");
+}
+/// @}
+
 /// Throws for an option whose value is nan or inf: ranges let nan pass.
 inline void require_finite_options(const CLI::App& app) {
   for (const CLI::Option* option : app.get_options()) {

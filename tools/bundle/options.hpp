@@ -8,6 +8,7 @@
 #include <CLI/CLI.hpp>
 
 #include "arguments.hpp"
+#include "run_program.hpp"
 
 namespace turbomap_bundle {
 
@@ -20,16 +21,16 @@ inline void add_options(CLI::App& app, arguments& a) {
   app.add_option("--kernel", a.kernel,
                  "robust kernel: none for bal and generated, else huber (5.991, stereo 7.815) when not given")
       ->check(CLI::IsMember({"huber", "none"}));
-  app.add_option("--iterations", a.iterations, "at most so many")->check(CLI::NonNegativeNumber);
+  app.add_option("--iterations", a.iterations, "at most so many")->check(turbomap_program::not_negative());
   app.add_option("--damping", a.damping, "of H: lambda I, or lambda diag(H), which is the default but for lba")
       ->check(CLI::IsMember({"identity", "diagonal"}));
   app.add_option("--lambda-scale", a.lambda_scale,
                  "first damping: 1e-5 of the largest diagonal element, or 1e-4 of each, when not given")
-      ->check(CLI::PositiveNumber);
+      ->check(turbomap_program::positive());
   app.add_option("--perturb-m", a.perturb_m, "noise added to free positions and landmarks (not bal, generated, schur)")
-      ->check(CLI::NonNegativeNumber);
+      ->check(turbomap_program::not_negative());
   app.add_option("--perturb-rad", a.perturb_rad, "noise added to free rotations (not bal, generated, schur)")
-      ->check(CLI::NonNegativeNumber);
+      ->check(turbomap_program::not_negative());
   app.add_option("--json", a.json, "write the result to this file");
 }
 
