@@ -32,7 +32,7 @@ grep -E '(CMakeLists\.txt|\.cmake|\.cmake\.in|CMakePresets\.json)$|^(quickstart|
   xargs cat | grep -oE '[A-Za-z_][A-Za-z0-9_]*' | sort -u >>"$scratch/words"
 # Fuzz targets.
 sed -nE 's,^(tests|tools/tests)/fuzz/fuzz_(.*)\.cpp$,\2,p' "$scratch/files" >>"$scratch/words"
-grep -hoE -- '--[a-z][a-z-]*' tools/*.cpp tools/bundle/options.hpp tools/simulation/keyframe_rules.hpp tools/*.py quickstart .ci/run | sort -u >"$scratch/options"
+grep -hoE -- '--[a-z][a-z-]*' tools/*.cpp tools/*/options.hpp tools/simulation/keyframe_rules.hpp tools/*.py quickstart .ci/run | sort -u >"$scratch/options"
 grep -vE '^#|^$' "$here/names_allowed.txt" >"$scratch/allowed" || true
 
 # --- what is named: FILE:LINE<tab>KIND<tab>NAME ------------------------------------------------------------------------------
