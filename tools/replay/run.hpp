@@ -3,11 +3,10 @@
 #pragma once
 
 /// \file
-/// One run of turbomap-replay under one policy: reads, checks or replays, prints, and makes the JSON of the contract.
+/// One run of turbomap-replay under one policy: reads, checks or replays, prints, and writes what it is asked for.
 
 #include <cmath>
 #include <cstdio>
-#include <numeric>
 #include <stdexcept>
 #include <type_traits>
 
@@ -16,79 +15,18 @@
 #include <turbomap/io/trajectory.hpp>
 #include <turbomap/map/simple_map/simple_map.hpp>
 
-#include "bench/machine.hpp"
 #include "check.hpp"
 #include "growth.hpp"
 #include "keypoint_offset.hpp"
 #include "loop.hpp"
 #include "make_report.hpp"
 #include "print_outcome.hpp"
+#include "replay_json.hpp"
 #include "replay_on.hpp"
 #include "simulation/random.hpp"
 #include "trajectory_errors.hpp"
 
 namespace turbomap_replay {
-
-/// The stages of some replays, 'process' with the insertion and the total last, beside the peer's means.
-inline std::vector<stage_samples> stages_of(const std::vector<replay_row>& rows, const turbomap::timing_table& timing) {
-  std::vector<stage_samples> stages;
-  const auto peer = [&](const char* column) { return timing.has(column) ? timing.mean(column) : std::nan(""); };
-  const double peer_search = peer("ms_sft");
-  const double peer_ms[turbomap::mapping_stages] = {
-      peer("ms_process"), peer("ms_mpculling"), peer_search,         peer("ms_createnew") - peer_search,
-      peer("ms_fuse"),    peer("ms_lba"),       peer("ms_cull_orig")};
-  stage_samples total{"total", -1, {}};
-  double peer_total = 0;
-  for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) {
-    const auto stage = static_cast<turbomap::mapping_stage>(s);
-    stage_samples samples{turbomap::to_string(stage), std::isfinite(peer_ms[s]) ? peer_ms[s] : -1, {}};
-    for (const replay_row& row : rows)
-      if (row.report.outcome[stage] == turbomap::stage_outcome::done ||
-          row.report.outcome[stage] == turbomap::stage_outcome::cut)
-        samples.ms.add(row.report.ms[stage] + (stage == turbomap::mapping_stage::process ? row.insertion_ms : 0));
-    if (samples.ms.count() == 0) continue;
-    peer_total += samples.peer_ms_mean >= 0 ? samples.peer_ms_mean : std::nan("");
-    stages.push_back(samples);
-  }
-  for (const replay_row& row : rows) total.ms.add(row.total_ms);
-  total.peer_ms_mean = std::isfinite(peer_total) && total.ms.count() != 0 ? peer_total : -1;
-  stages.push_back(total);
-  return stages;
-}
-
-/// Mean time of what tracking itself writes to the map; NaN without keyframes.
-inline double tracking_edits_ms(const std::vector<replay_row>& rows) {
-  turbomap::duration_statistics ms;
-  for (const replay_row& row : rows) ms.add(row.edits_ms);
-  return ms.count() != 0 ? ms.mean() : std::nan("");
-}
-
-/// Mean, 99th percentile and longest time that the map's guard was held.
-inline nlohmann::json to_json(const turbomap::guard_times& held) {
-  return {{"times", held.count},
-          {"ms_mean", held.total_ms / static_cast<double>(held.count)},
-          {"ms_p99", held.quantile(0.99)},
-          {"ms_max", held.longest_ms},
-          {"over_1_ms", held.over_1_ms}};
-}
-
-/// The same by stage.
-inline nlohmann::json guard_json(const std::vector<replay_row>& rows) {
-  nlohmann::json json;
-  for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) {
-    const auto stage = static_cast<turbomap::mapping_stage>(s);
-    turbomap::guard_times all;
-    for (const replay_row& row : rows) all += row.report.held[stage];
-    if (all.count == 0) continue;
-    nlohmann::json& held = json[turbomap::to_string(stage)];
-    held = to_json(all);
-    // A search commits nothing; commits of stages that are not named here are not told apart.
-    using turbomap::mapping_stage;
-    if (stage == mapping_stage::search || stage == mapping_stage::creation || stage == mapping_stage::fusion)
-      held["ms_commit"] = all.commit_ms;
-  }
-  return json;
-}
 
 /// A map of the recording's first keyframes, and what its observations say of how they were extracted. Visual: alpha needs
 /// no gravity. No keyframe is culled, so that points have more views.
@@ -138,6 +76,27 @@ replay_result replay_once(const turbomap::recording& recording, const Policy& po
                   : replayer<turbomap::simple_map<orb, Camera>, Policy>(recording, policy, arguments).run();
 }
 
+/// The body of each keyframe that is left, in the world.
+inline void write_trajectory(const std::filesystem::path& file, const turbomap::recording& recording,
+                             const replay_result& result) {
+  std::vector<turbomap::stamped_pose> poses;
+  const auto T_bc = turbomap::cast<double>(recording.meta.T_bc);
+  for (std::size_t i = 0; i < result.T_cw.size(); ++i)
+    if (result.alive[i] != 0)                                      // body in world: (T_bc T_cw)^-1
+      if (poses.empty() || poses.back().t_ns < recording.t_ns[i])  // the format has one pose at a time
+        poses.push_back({recording.t_ns[i], invert(compose(T_bc, result.T_cw[i]))});
+  turbomap::write_trajectory(file, poses);
+}
+
+/// The points of the map, and the centres of the keyframes that are left.
+inline void write_ply(const std::filesystem::path& file, const replay_result& result) {
+  std::vector<turbomap::vec3<double>> centres;
+  for (std::size_t i = 0; i < result.T_cw.size(); ++i)
+    if (result.alive[i] != 0) centres.push_back(turbomap::camera_centre(turbomap::to_isometry<double>(result.T_cw[i])));
+  turbomap::write_ply(file, result.points, centres);
+}
+
+/// Replays, prints, and writes the files that are asked for, but for the JSON.
 template <class Camera, class Policy>
 outcome replay(const turbomap::recording& recording, const Policy& policy, const arguments& given) {
   // Read first: what is wrong with it shows at once. A simulated recording may have been written over a recorded one, whose times
@@ -158,103 +117,12 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
   }
   o.end_ms = now_ms();
   const std::vector<stage_samples> stages = stages_of(rows, timing);
-  std::size_t skipped = 0, cut = 0, keyframes_culled = 0, points_culled = 0, created = 0, matches = 0;
-  std::size_t adjustments = 0, adjustment_iterations = 0;
-  turbomap::fusion_summary fused;
-  turbomap::creation_summary creation;
-  turbomap::per_stage<std::vector<std::size_t>> skipped_at;  // keyframes
-  for (std::size_t k = 0; k < result.rows.size(); ++k) {
-    const replay_row& row = result.rows[k];
-    bool any = false;
-    for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) {
-      const bool skip = row.report.outcome.values[s] == turbomap::stage_outcome::skipped;
-      if (skip) skipped_at.values[s].push_back(k);
-      any = any || skip;
-    }
-    skipped += any ? 1 : 0;
-    cut += row.report.cut ? 1 : 0;
-    keyframes_culled += row.report.keyframes_culled.size();
-    points_culled += row.report.points_culled;
-    created += row.report.points_created;
-    matches += row.report.matches, creation.tracks += row.report.creation.tracks;
-    creation.contradictions += row.report.creation.contradictions;
-    creation.known += row.report.creation.known;
-    creation.views_left_out += row.report.creation.views_left_out;
-    fused += row.report.fused;
-    const std::size_t iterations = static_cast<std::size_t>(row.report.adjustment.solve.iterations);
-    adjustments += iterations > 0 ? 1 : 0, adjustment_iterations += iterations;
-  }
   o.good = result.faults == 0;
-  o.json = {{"recording", arguments.recording.string()},
-            {"policy", arguments.policy},
-            {"compiled", turbomap_bench::compiled()},
-            {"map", arguments.objects ? "objects" : "simple"},
-            {"keyframes", recording.keyframe_count()},
-            {"keyframes_left", result.keyframes_left},
-            {"map_points", result.points.size()},
-            {"skipped", skipped},
-            {"cut", cut},
-            {"map_faults", result.faults},
-            {"map_digest", result.map_digest},
-            {"points_created", created},
-            {"matches", matches},
-            {"tracks", creation.tracks},
-            {"contradictions", creation.contradictions},
-            {"tracks_known", creation.known},
-            {"views_left_out", creation.views_left_out},
-            {"points_culled", points_culled},
-            {"keyframes_culled", keyframes_culled},
-            {"adjustments", adjustments},
-            {"adjustment_iterations", adjustment_iterations},
-            {"duplicates_merged", fused.merged},
-            {"observations_added", fused.observations_added},
-            {"fusion_conflicts", fused.conflicts},
-            {"associations", result.associations},
-            {"associations_kept", result.associations_kept},
-            {"associate", arguments.projected ? "projected" : "recorded"},
-            {"associations_projected", result.projected},
-            {"associations_projected_kept", result.projected_kept},
-            {"tracking_edits_ms_mean", tracking_edits_ms(rows)},
-            {"guard_held", guard_json(rows)},
-            {"peak_device_bytes", arguments.policy == "cuda" ? result.store.peak_chunk_bytes : 0},
-            {"store_bytes_per_keyframe", result.store.bytes_per_keyframe}};
+  o.json = replay_json(recording, arguments, result, rows);
   for (const auto& s : stages) o.json["stages"][s.name] = s.json();
-  if (arguments.imu == choice::yes) o.json["imu"] = result.imu;
-  o.json["pixel_centres"] = arguments.pixel_centres == choice::yes;
   if (!offset.is_null()) o.json["keypoint_offset"] = offset;
-  if (arguments.queue) {
-    stage_samples latency{"latency", -1, {}};
-    for (const replay_row& row : rows) latency.ms.add(row.latency_ms);
-    o.json["rate"] = arguments.rate, o.json["latency"] = latency.json();
-  }
-  if (skipped != 0)
-    for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) {
-      const char* const stage = turbomap::to_string(static_cast<turbomap::mapping_stage>(s));
-      o.json["skipped_stages"][stage] = skipped_at.values[s].size();
-      o.json["skipped_at"][stage] = skipped_at.values[s];
-    }
-  if (!result.points.empty())
-    o.json["observations_per_point"] =
-        static_cast<double>(std::accumulate(result.point_observations.begin(), result.point_observations.end(), 0LL)) /
-        static_cast<double>(result.points.size());
-  if (recording.is_simulated()) {
-    o.json["true_matches"] = {{"pairs", result.matches.matches}, {"correct", result.matches.correct_matches}};
-    o.json["true_points"] = result.true_points.json();
-    o.json["associations_projected_right"] = result.projected_right;
-    o.json["associations_projected_kept_right"] = result.projected_kept_right;
-  }
-  if (arguments.merge_causes) o.json["merge_causes"] = result.merges.json();
   if (!result.global.ms.empty()) {
-    const auto& last = result.global.last;
-    o.json["global_adjustment"] = {
-        {"times", result.global.ms.size()},      {"ms_last", result.global.ms.back()},
-        {"iterations", last.solve.iterations},   {"end", turbomap::to_string(last.solve.end)},
-        {"free_keyframes", last.free_keyframes}, {"points", last.points},
-        {"observations", last.observations},     {"outliers", last.outliers},
-        {"merged", result.global.fused.merged},  {"observations_added", result.global.fused.observations_added}};
-    for (const auto& [call, held] :
-         {std::pair("adjust_globally", result.global.adjusting), std::pair("fuse_around", result.global.fusing)})
-      if (held.count != 0) o.json["guard_held"][call] = to_json(held);
+    add_global_adjustment(result.global, o.json);
     if (!arguments.quiet && arguments.global_end && recording.has_ground_truth())
       o.json["ate_before_global_rmse_m"] = trajectory_error(recording, result.global.T_cw_before, result.alive);
   }
@@ -271,30 +139,11 @@ outcome replay(const turbomap::recording& recording, const Policy& policy, const
     if (!arguments.growth_file.empty()) write_growth(arguments.growth_file, columns);
   }
   if (arguments.check) {  // a recording without snapshots: properties that need no recorded truth
-    o.json["exhaustive"] = {{"pairs", result.matches.pairs},
-                            {"grouped_queries_lost", result.matches.grouped_queries_lost},
-                            {"ordered_equals_exhaustive", result.matches.ordered_equals_exhaustive}};
-    if (recording.is_simulated())
-      o.json["true_matches"]["grouped"] = {{"pairs", result.matches.grouped_pairs},
-                                           {"correct", result.matches.grouped_correct}};
+    add_search_checks(result.matches, recording.is_simulated(), o.json);
     o.good = o.good && result.matches.grouped_queries_lost == 0 && result.matches.ordered_equals_exhaustive;
   }
-  if (!arguments.trajectory.empty()) {
-    std::vector<turbomap::stamped_pose> poses;
-    const auto T_bc = turbomap::cast<double>(recording.meta.T_bc);
-    for (std::size_t i = 0; i < result.T_cw.size(); ++i)
-      if (result.alive[i] != 0)                                      // body in world: (T_bc T_cw)^-1
-        if (poses.empty() || poses.back().t_ns < recording.t_ns[i])  // the format has one pose at a time
-          poses.push_back({recording.t_ns[i], invert(compose(T_bc, result.T_cw[i]))});
-    turbomap::write_trajectory(arguments.trajectory, poses);
-  }
-  if (!arguments.ply.empty()) {
-    std::vector<turbomap::vec3<double>> centres;
-    for (std::size_t i = 0; i < result.T_cw.size(); ++i)
-      if (result.alive[i] != 0)
-        centres.push_back(turbomap::camera_centre(turbomap::to_isometry<double>(result.T_cw[i])));
-    turbomap::write_ply(arguments.ply, result.points, centres);
-  }
+  if (!arguments.trajectory.empty()) write_trajectory(arguments.trajectory, recording, result);
+  if (!arguments.ply.empty()) write_ply(arguments.ply, result);
   if (!arguments.report.empty()) {
     write_report(arguments.report, make_report(recording, arguments, result, stages, timing, o.json));
     std::printf("report: %s\n", arguments.report.string().c_str());
