@@ -117,10 +117,9 @@ class keyframe_extractor {
  private:
   void add_right(const image_features& other, keyframe_features& out) const {
     const auto& cameras = rig().cameras;
-    const auto any = [](std::size_t) { return true; };
     const auto pairs =
-        view_pairs(out.features, cameras[0], other, cameras[1], cameras[0].T_bc.inverse() * cameras[1].T_bc,
-                   options_.features.scale_factor, options_.pairs, any, any);
+        view_pairs({out.features, cameras[0]}, {other, cameras[1]}, cameras[0].T_bc.inverse() * cameras[1].T_bc,
+                   options_.features.scale_factor, options_.pairs);
     const std::size_t left = out.features.keypoints.size();
     out.features.keypoints.insert(out.features.keypoints.end(), other.keypoints.begin(), other.keypoints.end());
     out.features.descriptors.insert(out.features.descriptors.end(), other.descriptors.begin(), other.descriptors.end());
@@ -177,11 +176,10 @@ recording extract(const asl_dataset& data, const picked_keyframes& picked, const
     const Eigen::Isometry3d T_rc = T_rw * T_wb[i] * T_bc;
     if (rig.baseline == 0 && i == 0 && picked.keyframes.size() > 1) {
       // The first map of one camera is made from two views.
-      const auto any = [](std::size_t) { return true; };
       second = find(files_of(1));
       for (const view_pair& p :
-           view_pairs(seen.features, rig.cameras[0], second->features, rig.cameras[0],
-                      T_rc.inverse() * T_rw * T_wb[1] * T_bc, options.features.scale_factor, options.pairs, any, any))
+           view_pairs({seen.features, rig.cameras[0]}, {second->features, rig.cameras[0]},
+                      T_rc.inverse() * T_rw * T_wb[1] * T_bc, options.features.scale_factor, options.pairs))
         seen.point[static_cast<std::size_t>(p.a)] = p.point;
     }
     const auto associations = tracker.track(static_cast<std::int32_t>(i), seen, T_rc);

@@ -77,10 +77,9 @@ class point_tracker {
   /// them. \param held_before  as held() was after the one before
   void map_pairs(const posed_features& before, const std::vector<std::int32_t>& held_before, const posed_features& now,
                  const view_pair_options& options) {
-    const auto pairs = view_pairs(
-        before.seen.features, rig_.cameras[0], now.seen.features, rig_.cameras[0], before.T_wc.inverse() * now.T_wc,
-        factor_, options, [&](std::size_t k) { return held_before[k] < 0; },
-        [&](std::size_t k) { return held_[k] < 0; });
+    const auto pairs =
+        view_pairs({before.seen.features, rig_.cameras[0], &held_before}, {now.seen.features, rig_.cameras[0], &held_},
+                   before.T_wc.inverse() * now.T_wc, factor_, options);
     for (const view_pair& pair : pairs) {
       tracked_point p;
       p.position = before.T_wc * pair.point;

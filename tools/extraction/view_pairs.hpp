@@ -46,28 +46,36 @@ inline bool meet(const Eigen::Vector3d& ray_a, const Eigen::Vector3d& ray_b_in_a
   return true;
 }
 
-/// The pairs in the order of a; each keypoint is in one at most. `free_a` and `free_b` say which keypoints take part.
-template <class FreeA, class FreeB>
-std::vector<view_pair> view_pairs(const image_features& a, const simulation::simulated_camera& camera_a,
-                                  const image_features& b, const simulation::simulated_camera& camera_b,
-                                  const Eigen::Isometry3d& T_ab, float scale_factor, const view_pair_options& options,
-                                  FreeA free_a, FreeB free_b) {
+/// One of two views. Keypoints that hold a point are in no pair.
+struct paired_view {
+  const image_features& features;
+  const simulation::simulated_camera& camera;
+  const std::vector<std::int32_t>* held = nullptr;  ///< the point of each keypoint, -1: none; null: none holds one
+
+  bool is_free(std::size_t keypoint) const { return held == nullptr || (*held)[keypoint] < 0; }
+};
+
+/// The pairs in the order of a; each keypoint is in one at most.
+inline std::vector<view_pair> view_pairs(const paired_view& view_a, const paired_view& view_b,
+                                         const Eigen::Isometry3d& T_ab, float scale_factor,
+                                         const view_pair_options& options) {
   struct best_of_b {
     std::int32_t a = -1;
     std::uint32_t distance = std::numeric_limits<std::uint32_t>::max();
     Eigen::Vector3d point;
   };
+  const image_features &a = view_a.features, &b = view_b.features;
   const Eigen::Isometry3d T_ba = T_ab.inverse();
   const auto pixel = [](const keypoint& k) { return Eigen::Vector2d(k.x, k.y); };
   std::vector<Eigen::Vector3d> rays_b;
-  for (const keypoint& k : b.keypoints) rays_b.push_back(T_ab.linear() * camera_b.unproject(pixel(k)));
+  for (const keypoint& k : b.keypoints) rays_b.push_back(T_ab.linear() * view_b.camera.unproject(pixel(k)));
   std::vector<best_of_b> taken(b.keypoints.size());
   for (std::size_t i = 0; i < a.keypoints.size(); ++i) {
-    if (!free_a(i)) continue;
+    if (!view_a.is_free(i)) continue;
     std::uint32_t best = 257, second = 257;  // more bits than a descriptor has: none yet
     std::size_t at = 0;
     for (std::size_t j = 0; j < b.keypoints.size(); ++j) {
-      if (!free_b(j)) continue;
+      if (!view_b.is_free(j)) continue;
       const std::uint32_t d = simulation::hamming(a.descriptors[i], b.descriptors[j]);
       if (d < best)
         second = best, best = d, at = j;
@@ -76,14 +84,14 @@ std::vector<view_pair> view_pairs(const image_features& a, const simulation::sim
     }
     if (best > options.most_different || best > options.second_best * second || best >= taken[at].distance) continue;
     Eigen::Vector3d point;
-    if (!meet(camera_a.unproject(pixel(a.keypoints[i])), rays_b[at], T_ab.translation(), options.parallax, point))
+    if (!meet(view_a.camera.unproject(pixel(a.keypoints[i])), rays_b[at], T_ab.translation(), options.parallax, point))
       continue;
     const auto fits = [&](const simulation::simulated_camera& camera, const Eigen::Vector3d& x, const keypoint& k) {
       Eigen::Vector2d seen;
       return camera.project(x, seen) &&
              (seen - pixel(k)).norm() <= options.pixels * std::pow(static_cast<double>(scale_factor), k.octave);
     };
-    if (!fits(camera_a, point, a.keypoints[i]) || !fits(camera_b, T_ba * point, b.keypoints[at])) continue;
+    if (!fits(view_a.camera, point, a.keypoints[i]) || !fits(view_b.camera, T_ba * point, b.keypoints[at])) continue;
     taken[at] = {static_cast<std::int32_t>(i), best, point};
   }
   std::vector<view_pair> pairs;

@@ -224,11 +224,10 @@ TEST_CASE("pairs of two views: a best descriptor is compared with the second bes
   turbomap::keypoint in_a, in_b;  // of a point 1 m ahead of the first view
   in_a.x = 160, in_b.x = 140, in_a.y = in_b.y = 120;
   const auto pairs = [&](const std::vector<int>& distances) {
-    const auto any = [](std::size_t) { return true; };
     ext::image_features a, b;
     a.keypoints = {in_a}, a.descriptors = {bits(0)};
     for (const int d : distances) b.keypoints.push_back(in_b), b.descriptors.push_back(bits(d));
-    return ext::view_pairs(a, camera, b, camera, T_ab, 1.2F, {}, any, any);
+    return ext::view_pairs({a, camera}, {b, camera}, T_ab, 1.2F, {});
   };
   for (const auto& distances : {std::vector<int>{45, 90}, {45}, {50, 63}}) {
     const auto found = pairs(distances);
@@ -368,9 +367,8 @@ TEST_CASE("photographs: pairs of two views lie at the depth of their COLMAP mode
     T.translation() = Eigen::Vector3d(image.T_cw.tx, image.T_cw.ty, image.T_cw.tz);
     T_cw.push_back(T);
   }
-  const auto any = [](std::size_t) { return true; };
   const auto pairs =
-      ext::view_pairs(features[0], camera, features[1], camera, T_cw[0] * T_cw[1].inverse(), 1.2F, {}, any, any);
+      ext::view_pairs({features[0], camera}, {features[1], camera}, T_cw[0] * T_cw[1].inverse(), 1.2F, {});
   std::vector<double> error;
   for (const auto& pair : pairs) {
     const auto& z = features[0].keypoints[static_cast<std::size_t>(pair.a)];
