@@ -108,169 +108,205 @@ inline nlohmann::json per_snapshot(nlohmann::json times, std::size_t snapshots) 
   return times;
 }
 
-/// Runs the stages on every snapshot of a recording. `host` views serve the oracles, `resident` ones the policy.
+/// The stages on every snapshot of a recording. `host` views serve the oracles, `resident` ones the policy.
 template <class Camera, class Policy>
-nlohmann::json run_recorded_stages(const Policy& policy, const turbomap::recording& recording,
-                                   const std::string& folder, int repetitions) {
+class recorded_stages {
   using host_policy = thrust::detail::seq_t;
   using posed_type = turbomap::posed_keyframe<orb, Camera>;
-  turbomap_replay::recorded_scene<Camera, Policy> scene(recording, policy);
-  turbomap_replay::recorded_scene<Camera, host_policy> host_scene(recording, thrust::seq);
-  std::deque<turbomap::recording_snapshot> snapshots;
-  std::deque<recorded_inputs<Camera, Policy>> resident;
-  std::deque<recorded_inputs<Camera, host_policy>> host;
-  for (const std::int32_t iteration : recording.meta.snapshots) {
-    snapshots.push_back(turbomap::read_snapshot(recording, folder, iteration));
-    resident.emplace_back(scene, snapshots.back());
-    host.emplace_back(host_scene, snapshots.back());
-  }
-  if (snapshots.empty()) throw std::runtime_error(folder + ": has no snapshots");
-  const std::size_t count = snapshots.size();
-  const double distance_ms = distance_floor_ms(host[0].query.view, 1);
-  nlohmann::json stages;
+  using target = turbomap::duplicate_target<orb, Camera>;
+  using found_duplicates = turbomap::duplicates<orb, Camera, Policy>;
 
-  turbomap::correspondences<orb, Camera, Policy> matches(scene.ctx);
-  typename turbomap::correspondences<orb, Camera, Policy>::plan_type plan;
-  const auto options_of = [&](turbomap::candidates set) {
+ public:
+  recorded_stages(const Policy& policy, const turbomap::recording& recording, const std::string& folder,
+                  int repetitions)
+      : recording_(recording),
+        repetitions_(repetitions),
+        scene_(recording, policy),
+        host_scene_(recording, thrust::seq),
+        matches_(scene_.ctx) {
+    for (const std::int32_t iteration : recording.meta.snapshots) {
+      snapshots_.push_back(turbomap::read_snapshot(recording, folder, iteration));
+      resident_.emplace_back(scene_, snapshots_.back());
+      host_.emplace_back(host_scene_, snapshots_.back());
+    }
+    if (snapshots_.empty()) throw std::runtime_error(folder + ": has no snapshots");
+    distance_ms_ = distance_floor_ms(host_[0].query.view, 1);
+  }
+
+  nlohmann::json run() {
+    time_searches();
+    time_creation();
+    time_map_stages();
+    time_duplicates();
+    return stages_;
+  }
+
+ private:
+  turbomap::search_options options_of(turbomap::candidates set) const {
     turbomap::search_options options;
-    options.scales = recording.meta.pyramid();
+    options.scales = recording_.meta.pyramid();
     options.candidate_set = set;
     return options;
-  };
-  const auto search = [&](std::size_t s, turbomap::candidates set) {
-    turbomap::search_correspondences(scene.ctx, resident[s].query,
-                                     turbomap::span<const posed_type>(resident[s].neighbours), options_of(set),
-                                     matches);
-  };
-  const auto search_by_definition = [&](std::size_t s, turbomap::candidates set, doubtful_list* doubtful = nullptr) {
-    return turbomap_test::search_oracle(host[s].query, turbomap::span<const posed_type>(host[s].neighbours),
+  }
+  void search(std::size_t s, turbomap::candidates set) {
+    turbomap::search_correspondences(scene_.ctx, resident_[s].query,
+                                     turbomap::span<const posed_type>(resident_[s].neighbours), options_of(set),
+                                     matches_);
+    matches_.plan(scene_.ctx, plan_);
+  }
+  auto search_by_definition(std::size_t s, turbomap::candidates set, doubtful_list* doubtful = nullptr) const {
+    return turbomap_test::search_oracle(host_[s].query, turbomap::span<const posed_type>(host_[s].neighbours),
                                         options_of(set), doubtful);
-  };
-  double in_words = 0, consistent = 0;
-  for (std::size_t s = 0; s < count; ++s)
-    count_pairs(host[s].query, turbomap::span<const posed_type>(host[s].neighbours),
-                options_of(turbomap::candidates::exhaustive), in_words, consistent);
-  const auto time_search = [&](const char* name, turbomap::candidates set, double pairs) {
-    for (std::size_t s = 0; s < count; ++s) {
+  }
+  void time_searches() {
+    double in_words = 0, consistent = 0;
+    for (const auto& inputs : host_)
+      count_pairs(inputs.query, turbomap::span<const posed_type>(inputs.neighbours),
+                  options_of(turbomap::candidates::exhaustive), in_words, consistent);
+    time_search("search_grouped", turbomap::candidates::grouped, in_words);
+    time_search("search_exact", turbomap::candidates::epipolar_ordered, consistent);
+  }
+  /// \param pairs  that have to be compared at least
+  void time_search(const char* name, turbomap::candidates set, double pairs) {
+    for (std::size_t s = 0; s < snapshots_.size(); ++s) {
       search(s, set);
-      matches.plan(scene.ctx, plan);
       doubtful_list doubtful;
       const auto expected = search_by_definition(s, set, &doubtful);
       require_same(
-          same_where_clear(expected, plan, doubtful, [](auto& a, auto& b) { return a.distance == b.distance; }), name);
+          same_where_clear(expected, plan_, doubtful, [](auto& a, auto& b) { return a.distance == b.distance; }), name);
     }
     const auto ours = [&] {
-      for (std::size_t s = 0; s < count; ++s) {
-        search(s, set);
-        matches.plan(scene.ctx, plan);
-      }
+      for (std::size_t s = 0; s < snapshots_.size(); ++s) search(s, set);
     };
     const auto oracle = [&] {
-      for (std::size_t s = 0; s < count; ++s) search_by_definition(s, set);
+      for (std::size_t s = 0; s < snapshots_.size(); ++s) search_by_definition(s, set);
     };
-    stages[name] = per_snapshot(interleave(repetitions, ours, oracle, distance_ms * pairs), count);
-  };
-  time_search("search_grouped", turbomap::candidates::grouped, in_words);
-  time_search("search_exact", turbomap::candidates::epipolar_ordered, consistent);
-
-  // Each snapshot's matches stay while its points are created again and again.
-  turbomap::point_creation<Policy> creation(scene.ctx);
-  std::vector<turbomap::created_point> points;
-  turbomap::creation_options creating;
-  creating.scales = recording.meta.pyramid();
-  nlohmann::json sum = nlohmann::json::object();
-  for (std::size_t s = 0; s < count; ++s) {
-    search(s, turbomap::candidates::epipolar_ordered);
-    matches.plan(scene.ctx, plan);
-    const auto create = [&] {
-      turbomap::create_points(scene.ctx, matches, creating, creation);
-      creation.plan(scene.ctx, matches, points);
-    };
-    const auto create_by_definition = [&](doubtful_list* doubtful = nullptr) {
-      return turbomap_test::creation_oracle(host[s].query, turbomap::span<const posed_type>(host[s].neighbours), plan,
-                                            creating, doubtful);
-    };
-    create();
-    doubtful_list doubtful;
-    const auto expected = create_by_definition(&doubtful);
-    require_same(same_where_clear(expected, points, doubtful,
-                                  [](auto& a, auto& b) { return a.outcome == b.outcome && a.method == b.method; }),
-                 "creation");
-    const nlohmann::json one = interleave(
-        repetitions, create, [&] { create_by_definition(); }, 0);
-    for (const char* key : {"ms_median", "oracle_ms_median", "floor_ms"})
-      sum[key] = sum.value(key, 0.0) + one[key].get<double>();
-  }
-  sum["ratio"] = sum["oracle_ms_median"].get<double>() / sum["ms_median"].get<double>();
-  stages["creation"] = per_snapshot(sum, count);
-  stages["creation"].erase("floor_ms");
-
-  std::vector<recorded_update<Camera>> updates;
-  std::vector<culled_map<Camera>> maps;
-  for (std::size_t s = 0; s < count; ++s) {
-    if (snapshots[s].map_update) updates.emplace_back(snapshots[s], resident[s].at, host[s].at, scene.handles.size());
-    if (snapshots[s].culling) maps.emplace_back(recording, snapshots[s]);
-  }
-  if (!updates.empty())
-    stages["map_update"] = per_snapshot(time_recorded_update(scene, updates, repetitions, distance_ms), updates.size());
-  if (!maps.empty()) {
-    const auto close_depth = static_cast<float>(recording.meta.close_depth);
-    stages["culling"] = per_snapshot(time_recorded_culling(maps, close_depth, repetitions), maps.size());
-    stages["point_culling"] = per_snapshot(time_recorded_point_culling(maps, repetitions), maps.size());
+    stages_[name] = per_snapshot(interleave(repetitions_, ours, oracle, distance_ms_ * pairs), snapshots_.size());
   }
 
-  turbomap::duplicates<orb, Camera, Policy> duplicates(scene.ctx);
-  typename turbomap::duplicates<orb, Camera, Policy>::plan_type found;
-  turbomap::duplicate_options fusing;
-  fusing.scales = recording.meta.pyramid();
-  fusing.min_range_factor = 1;  // recorded minima include the factor
-  stage_floor floor;
-  const auto find = [&](auto& pass) {
-    using target = typename recorded_inputs<Camera, Policy>::target;
-    turbomap::find_duplicates(scene.ctx, pass.points.view(), turbomap::span<const target>(pass.targets), fusing,
-                              duplicates);
-    duplicates.plan(scene.ctx, found);
-  };
-  const auto find_by_definition = [&](auto& pass) {
-    using target = typename recorded_inputs<Camera, host_policy>::target;
-    return turbomap_test::projection_oracle<orb, Camera>(pass.points.view(), turbomap::span<const target>(pass.targets),
-                                                         fusing);
-  };
-  std::size_t passes = 0;
-  for (std::size_t s = 0; s < count; ++s)
-    for (std::size_t p = 0; p < resident[s].passes.size(); ++p, ++passes) {
-      auto& pass = host[s].passes[p];
-      find(resident[s].passes[p]);
-      const auto trials = find_by_definition(pass);
-      decltype(found) expected, doubtful;
-      std::size_t i = 0;
-      for (std::int32_t t = 0; t < static_cast<std::int32_t>(pass.targets.size()); ++t)
-        for (std::int32_t c = 0; c < pass.targets[static_cast<std::size_t>(t)].view.camera_count; ++c)
-          for (std::int32_t point = 0; point < pass.points.view().count; ++point, ++i) {
-            const auto& trial = trials[i].trial;
-            if (trials[i].doubtful) doubtful.push_back({t, c, point, -1, 0});
-            if (trial.outcome == turbomap::projection_outcome::matched)
-              expected.push_back({t, c, point, trial.keypoint, trial.distance});
-          }
-      const auto same_place = [](auto& a, auto& b) {
-        return a.target == b.target && a.camera == b.camera && a.point == b.point;
+  /// Each snapshot's matches stay while its points are created again and again.
+  void time_creation() {
+    turbomap::point_creation<Policy> creation(scene_.ctx);
+    std::vector<turbomap::created_point> points;
+    turbomap::creation_options options;
+    options.scales = recording_.meta.pyramid();
+    nlohmann::json sum = nlohmann::json::object();
+    for (std::size_t s = 0; s < snapshots_.size(); ++s) {
+      search(s, turbomap::candidates::epipolar_ordered);
+      const auto create = [&] {
+        turbomap::create_points(scene_.ctx, matches_, options, creation);
+        creation.plan(scene_.ctx, matches_, points);
       };
-      const auto same = [&](auto& a, auto& b) { return same_place(a, b) && a.keypoint == b.keypoint; };
-      require_same(same_where_clear(expected, found, doubtful, same_place, same), "duplicates");
-      floor.distances += static_cast<double>(expected.size());
-      for (const std::uint8_t skip : host[s].passes[p].skip) floor.transforms += skip == 0 ? 1 : 0;
+      const auto create_by_definition = [&](doubtful_list* doubtful = nullptr) {
+        return turbomap_test::creation_oracle(host_[s].query, turbomap::span<const posed_type>(host_[s].neighbours),
+                                              plan_, options, doubtful);
+      };
+      create();
+      doubtful_list doubtful;
+      const auto expected = create_by_definition(&doubtful);
+      require_same(same_where_clear(expected, points, doubtful,
+                                    [](auto& a, auto& b) { return a.outcome == b.outcome && a.method == b.method; }),
+                   "creation");
+      const nlohmann::json one = interleave(
+          repetitions_, create, [&] { create_by_definition(); }, 0);
+      for (const char* key : {"ms_median", "oracle_ms_median", "floor_ms"})
+        sum[key] = sum.value(key, 0.0) + one[key].get<double>();
     }
-  if (passes == 0) return stages;
-  const auto ours = [&] {
-    for (auto& inputs : resident)
-      for (auto& pass : inputs.passes) find(pass);
-  };
-  const auto oracle = [&] {
-    for (auto& inputs : host)
-      for (auto& pass : inputs.passes) find_by_definition(pass);
-  };
-  stages["duplicates"] = per_snapshot(interleave(repetitions, ours, oracle, floor.ms(distance_ms)), count);
-  return stages;
-}
+    sum["ratio"] = sum["oracle_ms_median"].get<double>() / sum["ms_median"].get<double>();
+    stages_["creation"] = per_snapshot(sum, snapshots_.size());
+    stages_["creation"].erase("floor_ms");
+  }
+
+  void time_map_stages() {
+    std::vector<recorded_update<Camera>> updates;
+    std::vector<culled_map<Camera>> maps;
+    for (std::size_t s = 0; s < snapshots_.size(); ++s) {
+      const turbomap::recording_snapshot& snapshot = snapshots_[s];
+      if (snapshot.map_update) updates.emplace_back(snapshot, resident_[s].at, host_[s].at, scene_.handles.size());
+      if (snapshot.culling) maps.emplace_back(recording_, snapshot);
+    }
+    if (!updates.empty())
+      stages_["map_update"] =
+          per_snapshot(time_recorded_update(scene_, updates, repetitions_, distance_ms_), updates.size());
+    if (maps.empty()) return;
+    const auto close_depth = static_cast<float>(recording_.meta.close_depth);
+    stages_["culling"] = per_snapshot(time_recorded_culling(maps, close_depth, repetitions_), maps.size());
+    stages_["point_culling"] = per_snapshot(time_recorded_point_culling(maps, repetitions_), maps.size());
+  }
+
+  turbomap::duplicate_options fusion_options() const {
+    turbomap::duplicate_options options;
+    options.scales = recording_.meta.pyramid();
+    options.min_range_factor = 1;  // recorded minima include the factor
+    return options;
+  }
+  template <class Pass>
+  auto find_by_definition(const Pass& pass) const {
+    return turbomap_test::projection_oracle<orb, Camera>(pass.points.view(), turbomap::span<const target>(pass.targets),
+                                                         fusion_options());
+  }
+  /// Compares what was found in a pass with its definition. \return how many duplicates that has
+  template <class Pass, class Found>
+  std::size_t require_same_duplicates(const Pass& pass, const Found& found) const {
+    const auto trials = find_by_definition(pass);
+    Found expected, doubtful;
+    std::size_t i = 0;
+    for (std::int32_t t = 0; t < static_cast<std::int32_t>(pass.targets.size()); ++t)
+      for (std::int32_t c = 0; c < pass.targets[static_cast<std::size_t>(t)].view.camera_count; ++c)
+        for (std::int32_t point = 0; point < pass.points.view().count; ++point, ++i) {
+          const auto& trial = trials[i].trial;
+          if (trials[i].doubtful) doubtful.push_back({t, c, point, -1, 0});
+          if (trial.outcome == turbomap::projection_outcome::matched)
+            expected.push_back({t, c, point, trial.keypoint, trial.distance});
+        }
+    const auto same_place = [](auto& a, auto& b) {
+      return a.target == b.target && a.camera == b.camera && a.point == b.point;
+    };
+    const auto same = [&](auto& a, auto& b) { return same_place(a, b) && a.keypoint == b.keypoint; };
+    require_same(same_where_clear(expected, found, doubtful, same_place, same), "duplicates");
+    return expected.size();
+  }
+  void time_duplicates() {
+    found_duplicates duplicates(scene_.ctx);
+    typename found_duplicates::plan_type found;
+    const auto find = [&](const auto& pass) {
+      turbomap::find_duplicates(scene_.ctx, pass.points.view(), turbomap::span<const target>(pass.targets),
+                                fusion_options(), duplicates);
+      duplicates.plan(scene_.ctx, found);
+    };
+    stage_floor floor;
+    std::size_t passes = 0;
+    for (std::size_t s = 0; s < snapshots_.size(); ++s)
+      for (std::size_t p = 0; p < resident_[s].passes.size(); ++p, ++passes) {
+        const auto& pass = host_[s].passes[p];
+        find(resident_[s].passes[p]);
+        floor.distances += static_cast<double>(require_same_duplicates(pass, found));
+        for (const std::uint8_t skip : pass.skip) floor.transforms += skip == 0 ? 1 : 0;
+      }
+    if (passes == 0) return;
+    const auto ours = [&] {
+      for (const auto& inputs : resident_)
+        for (const auto& pass : inputs.passes) find(pass);
+    };
+    const auto oracle = [&] {
+      for (const auto& inputs : host_)
+        for (const auto& pass : inputs.passes) find_by_definition(pass);
+    };
+    stages_["duplicates"] =
+        per_snapshot(interleave(repetitions_, ours, oracle, floor.ms(distance_ms_)), snapshots_.size());
+  }
+
+  const turbomap::recording& recording_;
+  int repetitions_;
+  turbomap_replay::recorded_scene<Camera, Policy> scene_;
+  turbomap_replay::recorded_scene<Camera, host_policy> host_scene_;
+  std::deque<turbomap::recording_snapshot> snapshots_;
+  std::deque<recorded_inputs<Camera, Policy>> resident_;
+  std::deque<recorded_inputs<Camera, host_policy>> host_;
+  double distance_ms_ = 0;  ///< of one descriptor distance in a stream
+  turbomap::correspondences<orb, Camera, Policy> matches_;
+  typename turbomap::correspondences<orb, Camera, Policy>::plan_type plan_;
+  nlohmann::json stages_;
+};
 
 }  // namespace turbomap_bench

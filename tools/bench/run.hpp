@@ -18,9 +18,9 @@ nlohmann::json run(const Policy& policy, const turbomap::recording& recording, c
     return recording.meta.is_fisheye() ? run_search_calls<fisheye>(policy, recording, a.repetitions)
                                        : run_search_calls<turbomap::pinhole<float>>(policy, recording, a.repetitions);
   if (a.recording.empty()) return run_stages(policy, recording, a.repetitions);
-  return recording.meta.is_fisheye()
-             ? run_recorded_stages<fisheye>(policy, recording, a.recording, a.repetitions)
-             : run_recorded_stages<turbomap::pinhole<float>>(policy, recording, a.recording, a.repetitions);
+  if (recording.meta.is_fisheye())
+    return recorded_stages<fisheye, Policy>(policy, recording, a.recording, a.repetitions).run();
+  return recorded_stages<turbomap::pinhole<float>, Policy>(policy, recording, a.recording, a.repetitions).run();
 }
 
 /// Implemented in cuda/bench_cuda.cu where there is CUDA. Throws std::runtime_error without a device.
