@@ -56,14 +56,14 @@ class adjustment_window {
     const Map& map = s.map;
     const std::size_t most = most_keyframes == 0 ? no_limit : static_cast<std::size_t>(most_keyframes);
     clear();
-    if (add_frame(map, s.stored, current, false, s.faults) == id_table::none) return;
+    if (add_frame(s, current, role::free) == id_table::none) return;
     const auto can_use = [&](keyframe k) { return s.can_use(k); };
     for (const auto& c : covisibility_(map, current, min_shared_points, most - 1, can_use))
-      add_frame(map, s.stored, c.keyframe, false, s.faults);
+      add_frame(s, c.keyframe, role::free);
     const std::size_t first_order = second_min_shared_points > 0 ? frames_.size() : 0;
     for (std::size_t f = 1; f < first_order && frames_.size() < most; ++f)
       for (const auto& c : covisibility_(map, frames_[f], second_min_shared_points, no_limit, can_use))
-        if (frames_.size() < most) add_frame(map, s.stored, c.keyframe, false, s.faults);
+        if (frames_.size() < most) add_frame(s, c.keyframe, role::free);
     local_ = frames_.size();
   }
   /// Reads points of the keyframes that move, with their observations: the next `most` slots. \return whether some are left
@@ -72,7 +72,7 @@ class adjustment_window {
   /// In all O(observations of the points of the free keyframes).
   template <class Policy>
   bool read(const mapping_scope<Map, Policy>& s, std::size_t most) {
-    if (read_slots(s.map, most, [&](const point& p) { add_point(s.map, s.stored, p, true, s.faults); })) return true;
+    if (read_slots(s.map, most, [&](const point& p) { add_point(s, p, role::fixed); })) return true;
     if (local_ > 0) hold_something(local_);
     return false;
   }
@@ -87,14 +87,14 @@ class adjustment_window {
   template <class Policy>
   void choose_connected(const mapping_scope<Map, Policy>& s, keyframe anyone) {
     clear();
-    if (add_frame(s.map, s.stored, anyone, false, s.faults) != id_table::none) local_ = 1;
+    if (add_frame(s, anyone, role::free) != id_table::none) local_ = 1;
   }
   /// As read(), of the keyframes that are found on the way too. A keyframe whose points are all known costs time as well: looking
   /// at so many of its keypoints counts as a slot.
   template <class Policy>
   bool read_connected(const mapping_scope<Map, Policy>& s, std::size_t most) {
     const auto visit = [&](const point& p) {
-      add_point(s.map, s.stored, p, false, s.faults);
+      add_point(s, p, role::free);
       local_ = frames_.size();
     };
     constexpr std::size_t keypoints_per_slot = 16;  // each is a look into an array; a slot is a point and who sees it
@@ -107,7 +107,7 @@ class adjustment_window {
   void choose_these(const mapping_scope<Map, Policy>& s, span<const keyframe> keyframes) {
     clear();
     for (const keyframe& k : keyframes)
-      if (!(k == keyframe{}) && traits::alive(s.map, k)) add_frame(s.map, s.stored, k, false, s.faults);
+      if (!(k == keyframe{}) && traits::alive(s.map, k)) add_frame(s, k, role::free);
     local_ = frames_.size();
   }
   /// Nothing is in the window; the memory stays.
@@ -143,23 +143,26 @@ class adjustment_window {
     else
       return false;
   }
-  /// Adds a keyframe, unless it is there. It is fixed where it is the origin or no longer in the map.
-  /// \param hold  fixes it in any case
-  /// \return its number, or id_table::none when it is not in the store
-  std::size_t add_frame(const Map& map, const handle_table& stored, keyframe k, bool hold, fault_sink faults) {
-    const std::size_t known = frames_.size(), at = frames_.place(map, k, stored, faults);
+  /// What a keyframe comes in as. A free one is fixed all the same where it is the origin or no longer in the map.
+  enum class role { free, fixed };
+  /// Adds a keyframe, unless it is there. \return its number, or id_table::none when it is not in the store
+  template <class Policy>
+  std::size_t add_frame(const mapping_scope<Map, Policy>& s, keyframe k, role as) {
+    const std::size_t known = frames_.size(), at = frames_.place(s.map, k, s.stored, s.faults);
     if (at == known) {
-      fixed_.push_back(hold || is_origin(map, k) || !traits::alive(map, k) ? 1 : 0);
-      keypoint_counts_.push_back(keypoint_count_of(map, k));
+      fixed_.push_back(as == role::fixed || is_origin(s.map, k) || !traits::alive(s.map, k) ? 1 : 0);
+      keypoint_counts_.push_back(keypoint_count_of(s.map, k));
     }
     return at;
   }
   /// Takes in a point that is alive, has a position and is not there yet. \return whether it was
-  bool place_point(const Map& map, point p, fault_sink faults, std::size_t& number) {
+  template <class Policy>
+  bool place_point(const mapping_scope<Map, Policy>& s, point p, std::size_t& number) {
+    const Map& map = s.map;
     number = points_.size();
     if (p == point{} || !traits::alive(map, p)) return false;
     if (!has_finite_position(map, p)) {
-      faults({map_fault::position_not_finite, 0, traits::id(map, p), 0});
+      s.faults({map_fault::position_not_finite, 0, traits::id(map, p), 0});
       return false;
     }
     if (point_numbers_.place(map, p) != number) return false;
@@ -167,10 +170,12 @@ class adjustment_window {
     positions_.push_back(position_of(map, p));
     return true;
   }
-  /// Adds an observation; tells `faults` where the keyframe has no such keypoint.
-  void add_row(const Map& map, std::size_t f, std::size_t number, std::size_t keypoint, fault_sink faults) {
+  /// Adds an observation, unless the keyframe has no such keypoint: that is a fault.
+  template <class Policy>
+  void add_row(const mapping_scope<Map, Policy>& s, std::size_t f, std::size_t number, std::size_t keypoint) {
     if (keypoint >= keypoint_counts_[f])
-      return faults({map_fault::keypoint_out_of_range, frames_.ids()[f], traits::id(map, points_[number]), keypoint});
+      return s.faults(
+          {map_fault::keypoint_out_of_range, frames_.ids()[f], traits::id(s.map, points_[number]), keypoint});
     rows_frame_.push_back(static_cast<std::int32_t>(f));
     rows_landmark_.push_back(static_cast<std::int32_t>(number));
     rows_keypoint_.push_back(static_cast<std::int32_t>(keypoint));
@@ -223,18 +228,19 @@ class adjustment_window {
                                                           [&](std::size_t, const point& p) { visit(p); });
   }
   /// Adds a point and all of its observations, unless it is there.
-  /// \param hold  keyframes that come in with it are fixed; else only the origin is
-  void add_point(const Map& map, const handle_table& stored, point p, bool hold, fault_sink faults) {
+  /// \param observers  what keyframes come in as that see it
+  template <class Policy>
+  void add_point(const mapping_scope<Map, Policy>& s, point p, role observers) {
     std::size_t number;
-    if (!place_point(map, p, faults, number)) return;
-    traits::for_each_observation(map, p, [&](keyframe k, std::size_t keypoint) {
-      std::size_t f = frames_.find(map, k);
+    if (!place_point(s, p, number)) return;
+    traits::for_each_observation(s.map, p, [&](keyframe k, std::size_t keypoint) {
+      std::size_t f = frames_.find(s.map, k);
       if (f == id_table::none) {  // only then: whether a keyframe is alive costs a lock in some maps
-        if (k == keyframe{} || !traits::alive(map, k))
-          return faults({map_fault::observer_not_alive, 0, traits::id(map, p), keypoint});
-        f = add_frame(map, stored, k, hold, faults);
+        if (k == keyframe{} || !traits::alive(s.map, k))
+          return s.faults({map_fault::observer_not_alive, 0, traits::id(s.map, p), keypoint});
+        f = add_frame(s, k, observers);
       }
-      if (f != id_table::none) add_row(map, f, number, keypoint, faults);
+      if (f != id_table::none) add_row(s, f, number, keypoint);
     });
   }
   /// Where no keyframe is fixed, fixes the oldest of the first `local`.

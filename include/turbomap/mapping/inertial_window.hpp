@@ -138,6 +138,7 @@ class inertial_window : public adjustment_window<Map> {
 
  private:
   using inertial = inertial_traits<Map>;
+  using role = typename base::role;
 
   /// The current keyframe and those before it, as far as they can be used: so many that move, and one more. Where the one before
   /// cannot be used, the last is fixed as well: only the beginning of the map is free to be corrected.
@@ -148,7 +149,7 @@ class inertial_window : public adjustment_window<Map> {
       look_again(s.map, k);  // its pose is of the same moment as its velocity
       if (!s.can_use(k)) break;
       const bool fixed = chain_ == wanted;
-      if (this->add_frame(s.map, s.stored, k, fixed, s.faults) != chain_)
+      if (this->add_frame(s, k, fixed ? role::fixed : role::free) != chain_)
         break;  // met before: the times run in a circle
       inertial_state<double> x{unit(this->frames_.T_cw()[chain_]), inertial::velocity(s.map, k),
                                inertial::bias(s.map, k)};
@@ -228,7 +229,7 @@ class inertial_window : public adjustment_window<Map> {
   template <class Policy>
   void take_point(const mapping_scope<Map, Policy>& s, point p) {
     std::size_t number;
-    this->place_point(s.map, p, s.faults, number);
+    this->place_point(s, p, number);
   }
   /// The first keyframe that sees the point and is not there yet becomes a fixed frame. \return how many did
   template <class Policy>
@@ -237,7 +238,7 @@ class inertial_window : public adjustment_window<Map> {
     if (!traits::alive(s.map, p)) return 0;  // erased between two calls
     traits::for_each_observation(s.map, p, [&](keyframe k, std::size_t) {
       if (this->frames_.size() == before && this->frames_.find(s.map, k) == id_table::none && s.can_use(k))
-        this->add_frame(s.map, s.stored, k, true, s.faults);
+        this->add_frame(s, k, role::fixed);
     });
     return this->frames_.size() - before;
   }
@@ -247,7 +248,7 @@ class inertial_window : public adjustment_window<Map> {
     if (!traits::alive(s.map, this->points_[l])) return;
     traits::for_each_observation(s.map, this->points_[l], [&](keyframe k, std::size_t keypoint) {
       const std::size_t f = this->frames_.find(s.map, k);
-      if (f != id_table::none) this->add_row(s.map, f, l, keypoint, s.faults);
+      if (f != id_table::none) this->add_row(s, f, l, keypoint);
     });
   }
 
