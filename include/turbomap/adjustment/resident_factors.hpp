@@ -102,7 +102,7 @@ class resident_group<landmark_factors<Factor, Kernel>, Frame, Memory> {
                                         d_landmark))
           continue;
         view_->kernel(detail::squared_length<n>(e), rho, w);
-        rows.add(l, c.free, -1, n, w, V, d_landmark, d_frame, nullptr);
+        rows.add(n, w, V, {l, d_landmark}, {c.free, d_frame});
       }
   }
 
@@ -214,7 +214,7 @@ class resident_frame_group {
       }
       if (!defined) continue;
       view_->kernel(squared_length<n>(e), rho, w);
-      rows.add(-1, structure.free_of_frame[a], other, n, w, D, nullptr, d[0], d[1]);
+      rows.add(n, w, D, {}, {structure.free_of_frame[a], d[0]}, {other, d[1]});
     }
   }
 

@@ -238,7 +238,7 @@ class resident_group<reprojections<Camera, Kernel>, Frame, Memory> {
       for (int m = 0; m < 6; ++m) by_frame[6 * k + m] = all[m];
       for (int m = 0; m < 3; ++m) by_landmark[3 * k + m] = point[m];
     }
-    rows.add(landmark, c.free, -1, size, weight * information, 6, by_landmark, by_frame, nullptr);
+    rows.add(size, weight * information, 6, {landmark, by_landmark}, {c.free, by_frame});
   }
 
   reprojection_view<Camera, Kernel> view() const {

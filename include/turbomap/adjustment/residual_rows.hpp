@@ -14,6 +14,12 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// What a factor depends on: a landmark or a free frame, and the derivatives of its residuals by that.
+struct factor_unknown {
+  int index = -1;              ///< -1: none, or a fixed one
+  const double* by = nullptr;  ///< [residual][column]
+};
+
 /// Derivatives of single residuals, whitened. \tparam D  unknowns of a frame
 template <int D>
 struct residual_rows {
@@ -31,28 +37,26 @@ struct residual_rows {
     for (auto* list : {&d_landmark, &d_first, &d_second}) list->clear();
   }
   /// Of a factor of `size` residuals and weight w. \param V  columns of the frames' derivatives
-  void add(int l, int a, int b, int size, double w, int V, const double* by_landmark, const double* by_a,
-           const double* by_b) {
-    if (l < 0 && a < 0 && b < 0) return;
+  void add(int size, double w, int V, const factor_unknown& l, const factor_unknown& a, const factor_unknown& b = {}) {
+    if (l.index < 0 && a.index < 0 && b.index < 0) return;
     const double root = std::sqrt(w);
     bool finite = detail::is_finite(root);
     for (int i = 0; i < size * V; ++i)
-      finite = finite && (a < 0 || detail::is_finite(by_a[i])) && (b < 0 || detail::is_finite(by_b[i]));
-    for (int i = 0; i < 3 * size && l >= 0; ++i) finite = finite && detail::is_finite(by_landmark[i]);
-    if (!finite) return spoil(a, b);
+      finite = finite && (a.index < 0 || detail::is_finite(a.by[i])) && (b.index < 0 || detail::is_finite(b.by[i]));
+    for (int i = 0; i < 3 * size && l.index >= 0; ++i) finite = finite && detail::is_finite(l.by[i]);
+    if (!finite) {
+      for (const int frame : {a.index, b.index})
+        if (frame >= 0) spoilt.push_back(frame);
+      return;
+    }
     for (int k = 0; k < size; ++k) {
-      landmark.push_back(l), first.push_back(a), second.push_back(b);
-      for (int i = 0; i < 3; ++i) d_landmark.push_back(l < 0 ? 0 : root * by_landmark[3 * k + i]);
+      landmark.push_back(l.index), first.push_back(a.index), second.push_back(b.index);
+      for (int i = 0; i < 3; ++i) d_landmark.push_back(l.index < 0 ? 0 : root * l.by[3 * k + i]);
       for (int i = 0; i < D; ++i) {
-        d_first.push_back(a >= 0 && i < V ? root * by_a[k * V + i] : 0);
-        d_second.push_back(b >= 0 && i < V ? root * by_b[k * V + i] : 0);
+        d_first.push_back(a.index >= 0 && i < V ? root * a.by[k * V + i] : 0);
+        d_second.push_back(b.index >= 0 && i < V ? root * b.by[k * V + i] : 0);
       }
     }
-  }
-  /// Notes that a residual of two frames is not finite; -1: none.
-  void spoil(int a, int b) {
-    if (a >= 0) spoilt.push_back(a);
-    if (b >= 0) spoilt.push_back(b);
   }
 };
 
