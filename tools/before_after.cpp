@@ -130,6 +130,30 @@ turbomap::local_mapper_options parity(const turbomap::recording_meta& meta) {
   return o;
 }
 
+/// What one of the three took, over the keyframes that count.
+struct mapping_times {
+  per_stage<turbomap::duration_statistics> stages;
+  turbomap::duration_statistics total;
+
+  void add(const per_stage<double>& ms) {
+    double sum = 0;
+    for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) stages.values[s].add(ms.values[s]), sum += ms.values[s];
+    total.add(sum);
+  }
+};
+void print(const mapping_times& hand, const mapping_times& same, const mapping_times& own, double covisible_ms) {
+  std::printf("%-18s %12s %12s %8s %12s %8s\n", "mean ms", "by hand", "same rules", "ratio", "defaults", "ratio");
+  const auto line = [](const char* name, double a, double b, double c) {
+    std::printf("%-18s %12.3f %12.3f %7.1fx %12.3f %7.1fx\n", name, a, b, a / b, c, a / c);
+  };
+  for (std::size_t s = 0; s < turbomap::mapping_stages; ++s)
+    if (const auto stage = static_cast<mapping_stage>(s); stage != mapping_stage::adjustment)
+      line(turbomap::to_string(stage), hand.stages[stage].mean(), same.stages[stage].mean(), own.stages[stage].mean());
+  std::printf("%-18s %12.3f   in the stages of the library, and kept in a graph by most systems\n", "shared points",
+              covisible_ms);
+  line("total without it", hand.total.mean(), same.total.mean(), own.total.mean());
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -156,20 +180,15 @@ int main(int argc, char** argv) {
       throw std::invalid_argument(path + ": has no visual words: by hand only keypoints of one word are compared");
     before hand(recording, parity(meta));
     after same(recording, parity(meta)), own(recording, defaults(meta));
-    per_stage<turbomap::duration_statistics> times[3];
-    turbomap::duration_statistics totals[3], counting;
+    mapping_times times[3];
+    turbomap::duration_statistics counting;
     std::optional<turbomap_program::progress> bar;
     bar.emplace("before and after", recording.keyframe_count());
     for (std::size_t n = 0; n < recording.keyframe_count(); ++n, bar->advance()) {
       const auto i = static_cast<std::int32_t>(n);
       const per_stage<double> ms[]{hand.process(recording, i), same.process(recording, i), own.process(recording, i)};
       if (n >= turbomap_replay::warm_up) counting.add(hand.covisible_ms());
-      for (int m = 0; m < 3 && n >= turbomap_replay::warm_up; ++m) {
-        double total = 0;
-        for (std::size_t s = 0; s < turbomap::mapping_stages; ++s)
-          times[m].values[s].add(ms[m].values[s]), total += ms[m].values[s];
-        totals[m].add(total);
-      }
+      for (int m = 0; m < 3 && n >= turbomap_replay::warm_up; ++m) times[m].add(ms[m]);
       if (each && !compare(hand.world.map(), same.world.map()).equal()) {
         bar.reset();
         std::printf("the maps differ after keyframe %zu\n", n);
@@ -177,17 +196,7 @@ int main(int argc, char** argv) {
       }
     }
     bar.reset();
-    std::printf("%-18s %12s %12s %8s %12s %8s\n", "mean ms", "by hand", "same rules", "ratio", "defaults", "ratio");
-    const auto line = [](const char* name, double a, double b, double c) {
-      std::printf("%-18s %12.3f %12.3f %7.1fx %12.3f %7.1fx\n", name, a, b, a / b, c, a / c);
-    };
-    for (std::size_t s = 0; s < turbomap::mapping_stages; ++s)
-      if (const auto stage = static_cast<mapping_stage>(s); stage != mapping_stage::adjustment)
-        line(turbomap::to_string(stage), times[0].values[s].mean(), times[1].values[s].mean(),
-             times[2].values[s].mean());
-    std::printf("%-18s %12.3f   in the stages of the library, and kept in a graph by most systems\n", "shared points",
-                counting.mean());
-    line("total without it", totals[0].mean(), totals[1].mean(), totals[2].mean());
+    print(times[0], times[1], times[2], counting.mean());
     const auto d = compare(hand.world.map(), same.world.map());
     std::printf(
         "keyframes %zu and %zu, points %zu and %zu\n"
