@@ -45,9 +45,10 @@ inline std::vector<growth_column> growth_columns(const std::vector<replay_row>& 
     columns.push_back({name, {}});
     for (const replay_row& row : rows) columns.back().values.push_back(static_cast<double>(value(row)));
   };
-  for (std::size_t s = 0; s < turbomap::mapping_stages; ++s)
-    add(turbomap::to_string(static_cast<turbomap::mapping_stage>(s)),
-        [s](const replay_row& row) { return row.report.ms.values[s] + (s == 0 ? row.insertion_ms : 0); });
+  for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) {
+    const auto stage = static_cast<turbomap::mapping_stage>(s);
+    add(turbomap::to_string(stage), [stage](const replay_row& row) { return row.ms(stage); });
+  }
   add("total", [](const replay_row& row) { return row.total_ms; });
   add("without_adjustment",
       [](const replay_row& row) { return row.total_ms - row.report.ms[turbomap::mapping_stage::adjustment]; });

@@ -40,6 +40,16 @@ struct replay_row {
   double latency_ms = 0;                                    ///< from its arrival, in recorded time, to its end
   std::size_t points = 0, keyframes = 0, observations = 0;  ///< in the map afterwards
   std::size_t points_seen = 0, views = 0;                   ///< the keyframe's points, and all their observations
+
+  /// Of a stage, 'process' with the insertion.
+  double ms(turbomap::mapping_stage stage) const {
+    return report.ms[stage] + (stage == turbomap::mapping_stage::process ? insertion_ms : 0);
+  }
+  /// Whether a stage did something, to its end or until it was cut.
+  bool ran(turbomap::mapping_stage stage) const {
+    const auto outcome = report.outcome[stage];
+    return outcome == turbomap::stage_outcome::done || outcome == turbomap::stage_outcome::cut;
+  }
 };
 
 /// Adjustments of the whole map.

@@ -23,28 +23,6 @@
 
 namespace turbomap_replay {
 
-/// Columns of the peer's table for one stage of ours: times are differences of cumulative ones where it nests stages.
-inline double peer_stage_ms(const turbomap::timing_table& timing, std::size_t row, turbomap::mapping_stage stage) {
-  const auto at = [&](const char* name) { return timing.has(name) ? timing.column(name)[row] : not_known; };
-  switch (stage) {
-    case turbomap::mapping_stage::process:
-      return at("ms_process");
-    case turbomap::mapping_stage::point_culling:
-      return at("ms_mpculling");
-    case turbomap::mapping_stage::search:
-      return at("ms_sft");
-    case turbomap::mapping_stage::creation:
-      return at("ms_createnew") - at("ms_sft");
-    case turbomap::mapping_stage::fusion:
-      return at("ms_fuse");
-    case turbomap::mapping_stage::adjustment:
-      return at("ms_lba");
-    case turbomap::mapping_stage::keyframe_culling:
-      return at("ms_cull_orig");
-  }
-  return not_known;
-}
-
 inline report_row make_report_row(const turbomap::recording& recording, const std::vector<stage_samples>& stages,
                                   const turbomap::timing_table& timing, const replay_row& from, std::size_t i) {
   const auto& r = from.report;
@@ -59,16 +37,15 @@ inline report_row make_report_row(const turbomap::recording& recording, const st
   row.merged = static_cast<std::int64_t>(r.fused.merged);
   row.observations_added = static_cast<std::int64_t>(r.fused.observations_added);
   row.keyframes_culled = static_cast<std::int64_t>(r.keyframes_culled.size());
+  const auto peer = [&](const char* column) { return timing.has(column) ? timing.column(column)[i] : not_known; };
   for (std::size_t k = 0; k < turbomap::mapping_stages; ++k) {
     const auto stage = static_cast<turbomap::mapping_stage>(k);
     const bool shown = std::any_of(stages.begin(), stages.end(),
                                    [&](const stage_samples& s) { return s.name == turbomap::to_string(stage); });
     if (!shown) continue;
     const auto outcome = r.outcome[stage];
-    const bool ran = outcome == turbomap::stage_outcome::done || outcome == turbomap::stage_outcome::cut;
-    row.stage_ms.push_back(ran ? r.ms[stage] + (stage == turbomap::mapping_stage::process ? from.insertion_ms : 0)
-                               : not_known);
-    row.peer_stage_ms.push_back(i < timing.row_count() ? peer_stage_ms(timing, i, stage) : not_known);
+    row.stage_ms.push_back(from.ran(stage) ? from.ms(stage) : not_known);
+    row.peer_stage_ms.push_back(i < timing.row_count() ? peer_ms(stage, peer) : not_known);
     row.skipped.push_back(outcome == turbomap::stage_outcome::skipped ? 1 : 0);
     row.cut.push_back(outcome == turbomap::stage_outcome::cut ? 1 : 0);
   }

@@ -25,20 +25,15 @@ namespace turbomap_replay {
 /// The stages of some replays, 'process' with the insertion and the total last, beside the peer's means.
 inline std::vector<stage_samples> stages_of(const std::vector<replay_row>& rows, const turbomap::timing_table& timing) {
   std::vector<stage_samples> stages;
-  const auto peer = [&](const char* column) { return timing.has(column) ? timing.mean(column) : std::nan(""); };
-  const double peer_search = peer("ms_sft");
-  const double peer_ms[turbomap::mapping_stages] = {
-      peer("ms_process"), peer("ms_mpculling"), peer_search,         peer("ms_createnew") - peer_search,
-      peer("ms_fuse"),    peer("ms_lba"),       peer("ms_cull_orig")};
+  const auto mean = [&](const char* column) { return timing.has(column) ? timing.mean(column) : std::nan(""); };
   stage_samples total{"total", -1, {}};
   double peer_total = 0;
   for (std::size_t s = 0; s < turbomap::mapping_stages; ++s) {
     const auto stage = static_cast<turbomap::mapping_stage>(s);
-    stage_samples samples{turbomap::to_string(stage), std::isfinite(peer_ms[s]) ? peer_ms[s] : -1, {}};
+    const double peer = peer_ms(stage, mean);
+    stage_samples samples{turbomap::to_string(stage), std::isfinite(peer) ? peer : -1, {}};
     for (const replay_row& row : rows)
-      if (row.report.outcome[stage] == turbomap::stage_outcome::done ||
-          row.report.outcome[stage] == turbomap::stage_outcome::cut)
-        samples.ms.add(row.report.ms[stage] + (stage == turbomap::mapping_stage::process ? row.insertion_ms : 0));
+      if (row.ran(stage)) samples.ms.add(row.ms(stage));
     if (samples.ms.count() == 0) continue;
     peer_total += samples.peer_ms_mean >= 0 ? samples.peer_ms_mean : std::nan("");
     stages.push_back(samples);

@@ -7,6 +7,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <cstddef>
 #include <cstdio>
 #include <string>
 #include <vector>
@@ -25,6 +26,17 @@ inline double now_ms() {
 
 /// Keyframes left out of the statistics, as in the recorded ones: the map is small before.
 inline constexpr std::size_t warm_up = 11;
+
+/// Columns of the peer's table for each stage of ours: its time is that of the first, less the second, which is nested there.
+inline constexpr const char* peer_columns[turbomap::mapping_stages][2] = {
+    {"ms_process", nullptr}, {"ms_mpculling", nullptr}, {"ms_sft", nullptr},      {"ms_createnew", "ms_sft"},
+    {"ms_fuse", nullptr},    {"ms_lba", nullptr},       {"ms_cull_orig", nullptr}};
+/// \param value  of a column by its name; NaN where the table has none
+template <class Value>
+double peer_ms(turbomap::mapping_stage stage, const Value& value) {
+  const auto& [whole, nested] = peer_columns[static_cast<std::size_t>(stage)];
+  return value(whole) - (nested != nullptr ? value(nested) : 0);
+}
 
 /// The samples of one stage, one per keyframe.
 struct stage_samples {
