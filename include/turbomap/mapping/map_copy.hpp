@@ -98,9 +98,10 @@ class map_copy : public mirror_objects<Map> {
 
   // ---- read a keyframe now ----
 
+  /// Whether slots of points that are to be read anew, as was reported, count as not as they were last seen.
+  enum class due_slots { count, do_not_count };
   /// Pose and slots. \return whether anything was not as it was last seen
-  /// \param due_count  whether slots of points that are to be read anew, as was reported, count for that
-  bool read_keyframe(std::size_t k, bool due_count = true) {
+  bool read_keyframe(std::size_t k, due_slots reported = due_slots::count) {
     if (static_cast<std::int32_t>(k) == gone || !keyframes.alive(static_cast<std::int32_t>(k))) return false;
     const user_keyframe name = keyframes[k].name;
     if (!user_traits::alive(map(), name)) {
@@ -110,7 +111,7 @@ class map_copy : public mirror_objects<Map> {
     bool differs = read_pose(k, name);
     keypoints(k);
     keyframes[k].read = 0;  // until all of it is
-    for (std::size_t i = 0; i < keyframes[k].slots.size(); ++i) differs = read_slot(k, i, name, due_count) || differs;
+    for (std::size_t i = 0; i < keyframes[k].slots.size(); ++i) differs = read_slot(k, i, name, reported) || differs;
     keyframes[k].read = 1;
     return differs;
   }
@@ -124,7 +125,7 @@ class map_copy : public mirror_objects<Map> {
     return !same;
   }
   /// One slot: points that came into it, or left it, are to be read anew. \return whether it was not as it was last seen
-  bool read_slot(std::size_t k, std::size_t i, const user_keyframe& name, bool due_count = true) {
+  bool read_slot(std::size_t k, std::size_t i, const user_keyframe& name, due_slots reported = due_slots::count) {
     const std::size_t known = points.size();
     const point now = number_in_slot(k, i, user_traits::point_at(map(), name, i));
     point& slot = keyframes[k].slots[i];
@@ -134,7 +135,7 @@ class map_copy : public mirror_objects<Map> {
     const bool due = is_due(before) || (at(now) < known && is_due(now));
     if (lists(before, k, i)) forget(before);
     if (!lists(now, k, i)) forget(now);
-    return due_count || !due;
+    return reported == due_slots::count || !due;
   }
   /// Reads pose and slots of a keyframe that tracking hands over: its points are observed by it. That is all that tracking is
   /// taken to have changed of points that have been read before. In parts, between which others may change the user's map.

@@ -93,7 +93,8 @@ class mirror_sample {
       if (left-- == 0) return 0;
       keyframe_ = keyframe_ + 1 < keyframes.size() ? keyframe_ + 1 : 1;
     } while (!keyframes.alive(static_cast<std::int32_t>(keyframe_)));
-    if (keyframes[keyframe_].read != 0) return copy.read_keyframe(keyframe_, false) ? 1 : 0;
+    if (keyframes[keyframe_].read != 0)
+      return copy.read_keyframe(keyframe_, map_copy<Map>::due_slots::do_not_count) ? 1 : 0;
     if (!map_traits<Map>::alive(copy.map(), keyframes[keyframe_].name)) copy.lose_keyframe(keyframe_);
     return 0;
   }
