@@ -151,14 +151,23 @@ TEST_CASE("places are used again, under other names") {
   CHECK(traits::octave_counts(map, q)[1] == 0);
   CHECK(turbomap::resolve(map, p) == map_point_id{});
   turbomap::observe(map, q, a, 0);
+  const auto kept = map.add_keyframe(keypoints, {});
   turbomap::erase_keyframe(map, a, 0);
   CHECK_FALSE(map.alive(a));
   CHECK_FALSE(map.alive(q));
-  CHECK(map.keyframe_count() == 0);
+  CHECK(map.keyframe_count() == 1);
+  turbomap::erase_keyframe(map, kept, 0);
+  CHECK(traits::id(map, a) == 0);  // for mapper.remove()
+  CHECK(traits::id(map, kept) == 1);
   const auto b = map.add_keyframe(keypoints, {});
-  CHECK(b.index == a.index);
-  CHECK(b != a);
-  CHECK(traits::id(map, b) == 1);
+  CHECK(b.index == kept.index);
+  CHECK(b != kept);
+  CHECK(traits::id(map, b) == 2);
+  CHECK(traits::id(map, kept) > 2);  // not that of b, nor of any other
+  CHECK(traits::id(map, a) == 0);
+  const auto c = map.add_keyframe(keypoints, {});
+  CHECK(c.index == a.index);
+  CHECK(traits::id(map, a) == traits::id(map, kept));
   CHECK(map.point_at(b, 0) == map_point_id{});
   CHECK_THROWS_AS(map.point_at(a, 0), std::invalid_argument);
 }

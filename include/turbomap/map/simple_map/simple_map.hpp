@@ -53,12 +53,13 @@ class simple_map {
     const std::int32_t k = keyframe_places_.take();
     if (static_cast<std::size_t>(k) == keyframes_.size()) keyframes_.emplace_back();
     auto& entry = keyframes_[static_cast<std::size_t>(k)];
-    entry = {std::move(copy), std::move(slots), T_cw, time_s, next_keyframe_++, none, none};
+    const std::uint32_t generation = keyframe_places_.generation(k);
+    entry = {std::move(copy), std::move(slots), T_cw, time_s, next_keyframe_++, generation, none, none};
     if (previous != map_keyframe_id{}) {
       link(k, keyframes_[static_cast<std::size_t>(previous.index)].next);
       link(previous.index, k);
     }
-    return {k, keyframe_places_.generation(k)};
+    return {k, generation};
   }
 
   /// Adds a point (world, m) without observations. Strong guarantee.
@@ -145,6 +146,7 @@ class simple_map {
  private:
   friend struct map_traits<simple_map>;
   static constexpr std::int32_t none = -1;
+  static constexpr auto no_id = static_cast<std::uint64_t>(-1);  ///< of no keyframe
   static constexpr auto elements = static_cast<std::size_t>(Descriptor::elements);
 
   struct keyframe_entry {
@@ -152,7 +154,8 @@ class simple_map {
     plain_vector<map_point_id> slots;  ///< one per keypoint: its point, or map_point_id{}
     rigid_transform<double> T_cw;
     double time_s = 0;
-    std::uint64_t id = 0;
+    std::uint64_t id = 0;          ///< kept after the keyframe is erased, until the place is used again
+    std::uint32_t generation = 0;  ///< of the keyframe that has this id
     std::int32_t previous = none, next = none;
   };
   struct range {

@@ -29,7 +29,12 @@ struct map_traits<simple_map<Descriptor, Camera>> {
   using camera = Camera;
   using element = typename Descriptor::element;
 
-  static std::uint64_t id(const map& m, keyframe k) { return of(m, k).id; }
+  /// Of an erased keyframe its own, or one that no keyframe has once its place is used again: never that of another keyframe,
+  /// which local_mapper::remove() would take out of the store.
+  static std::uint64_t id(const map& m, keyframe k) {
+    const auto& entry = of(m, k);
+    return entry.generation == k.generation ? entry.id : map::no_id;
+  }
   static bool alive(const map& m, keyframe k) { return m.alive(k); }
   static const rigid_transform<double>& pose(const map& m, keyframe k) { return of(m, k).T_cw; }
   static void set_pose(map& m, keyframe k, const rigid_transform<double>& T_cw) { of(m, k).T_cw = T_cw; }
@@ -46,7 +51,9 @@ struct map_traits<simple_map<Descriptor, Camera>> {
   static void erase_keyframe(map& m, keyframe k) {
     auto& entry = of(m, k);
     m.link(entry.previous, entry.next);
+    const std::uint64_t id = entry.id;
     entry = {};
+    entry.id = id, entry.generation = k.generation;
     m.keyframe_places_.give_back(k.index);
   }
 
