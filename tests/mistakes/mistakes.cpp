@@ -275,6 +275,8 @@ void use(my::Map& map, my::KeyFrame& keyframe) {
   mapper.options().deadline_ms = static_cast<double>(mapper.iterations()) + mapper.last_search().neighbour_count();
   static_cast<void>(mapper.stored().contains(1));
 }
+#elif defined(CONST_MAP)
+static_assert(turbomap::require_map_traits<const my::Map>());
 #elif defined(KEYFRAME_ALONE)
 static_assert(turbomap::require_keyframe_traits<my::KeyFrame>());
 #else

@@ -154,7 +154,11 @@ using named_keyframe_t = typename named_keyframe<Map>::type;
 template <class Map>
 constexpr bool require_map_traits() {
   constexpr bool specialised = !detail::map_has_v<Map, detail::not_specialised_member>;  // says one thing at a time
-  static_assert(specialised, "turbomap: specialise turbomap::map_traits for your map type; see docs/map.md");
+  constexpr bool changeable = specialised || !std::is_const_v<Map>;
+  static_assert(changeable,
+                "turbomap: the map is const: the library changes it, so give it as `Map&`; see docs/map.md");
+  static_assert(specialised || !changeable,
+                "turbomap: specialise turbomap::map_traits for your map type; see docs/map.md");
   constexpr bool named = detail::map_has_v<Map, detail::map_names>;
   static_assert(
       !specialised || named,
