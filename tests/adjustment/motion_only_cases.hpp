@@ -210,6 +210,11 @@ void check_bad_frames(const Policy& policy) {
   auto bad = in;
   bad.begin[1] = -1;
   CHECK_THROWS_AS(adjust_poses(policy, bad), std::invalid_argument);
+  bad = in, bad.begin[0] = 1;
+  CHECK_THROWS_WITH_AS(adjust_poses(policy, bad), "turbomap: begin[0] = 1: must be 0", std::invalid_argument);
+  bad = in, --bad.begin.back();
+  CHECK_THROWS_WITH_AS(adjust_poses(policy, bad), doctest::Contains("must be the number of observations"),
+                       std::invalid_argument);
   bad = in, bad.camera[0] = 1;
   CHECK_THROWS_AS(adjust_poses(policy, bad), std::invalid_argument);
   bad = in, bad.pixel.pop_back();

@@ -110,10 +110,11 @@ class motion_only {
     validate_rig(in.rig);
     const std::size_t n = in.point.size();
     require(in.begin.size() == in.T_cw.size() + 1, "begin.size()", in.begin.size(), "must be the number of frames + 1");
-    require(in.begin[0] == 0 && static_cast<std::size_t>(in.begin[in.begin.size() - 1]) == n, "begin",
-            in.begin[in.begin.size() - 1], "must go from 0 to the number of observations");
+    require(in.begin[0] == 0, "begin[0]", in.begin[0], "must be 0");
     for (std::size_t f = 0; f + 1 < in.begin.size(); ++f)
       require(in.begin[f] <= in.begin[f + 1], "begin", in.begin[f + 1], "must not fall");
+    require(static_cast<std::size_t>(in.begin[in.begin.size() - 1]) == n, "the last of begin",
+            in.begin[in.begin.size() - 1], "must be the number of observations");
     require(in.pixel.size() == n, "pixel.size()", in.pixel.size(), "must be that of point");
     require(in.information.size() == n, "information.size()", in.information.size(), "must be that of point");
     for (const double x : in.information) require(x >= 0, "information", x, "must not be negative");
