@@ -86,7 +86,7 @@ keypoint_offset estimate_keypoint_offset(const turbomap::recording& recording, c
   keypoint_offset found;
   const turbomap::recording_meta& meta = recording.meta;
   const double coarsest = std::pow(static_cast<double>(meta.scale_factor), meta.levels - 1);
-  if (!(std::round(std::min(meta.width, meta.height) / coarsest) >= 1)) return found;
+  if (!(turbomap::plain_detail::side_of_level(std::min(meta.width, meta.height), coarsest) >= 1)) return found;
   std::vector<std::size_t> views(map.points.size(), 0);
   for (const std::int32_t p : map.point) ++views[static_cast<std::size_t>(p)];
   std::vector<std::int32_t> number(views.size(), -1);

@@ -128,6 +128,8 @@ TEST_CASE("a pyramid whose coarsest level is less than a pixel is not estimated,
   const map_observations map = map_of(r, 0);
   r.meta.scale_factor = 5;
   CHECK_FALSE(offset_of<turbomap::pinhole<float>>(r, map).multiplied);
+  r.meta.scale_factor = 2, r.meta.height = 64;  // half a pixel, which extractors round to none
+  CHECK_FALSE(offset_of<turbomap::pinhole<float>>(r, map).multiplied);
 }
 
 TEST_CASE("alpha is nearer to 1 than to anything else, with a sigma") {

@@ -15,6 +15,17 @@
 
 namespace turbomap {
 
+namespace plain_detail {
+
+/// Pixels along a side of the level that is smaller by s, as extractors make it, OpenCV's ORB among them: computed in float, and
+/// halves go to the even number. Of 1241 px half are 620, not 621.
+inline double side_of_level(int side, double s) {
+  const float inverse = 1 / static_cast<float>(s);
+  return std::nearbyint(static_cast<float>(side) * inverse);
+}
+
+}  // namespace plain_detail
+
 /// The keypoint with x, y, and u_right where it has one, moved to where they are in the full image:
 /// (x / s^o + 1/2) w / w_o - 1/2, as pixels map in OpenCV's resize(): w the width (y: the height), and w_o that of the level, w / s^o
 /// rounded as extractors do. The depth changes with the disparity. Octave 0 stays as it is.
@@ -27,10 +38,7 @@ inline keypoint in_full_image(keypoint k, int width, int height, float scale_fac
   require(height > 0, "height", height, "must be positive");
   require(scale_factor > 0, "scale_factor", scale_factor, "must be positive");
   const double s = std::pow(static_cast<double>(scale_factor), static_cast<double>(k.octave));
-  // As extractors do, OpenCV's ORB among them: in float, and halves to the even number. Of 1241 px half are 620, not 621.
-  const float inverse = 1 / static_cast<float>(s);
-  const double columns = std::nearbyint(static_cast<float>(width) * inverse);
-  const double rows = std::nearbyint(static_cast<float>(height) * inverse);
+  const double columns = plain_detail::side_of_level(width, s), rows = plain_detail::side_of_level(height, s);
   require(columns >= 1 && rows >= 1, "octave", static_cast<int>(k.octave), "leaves nothing of the image");
   const auto move = [s](float x, double ratio) { return static_cast<float>((x / s + 0.5) * ratio - 0.5); };
   k.x = move(k.x, width / columns), k.y = move(k.y, height / rows);
