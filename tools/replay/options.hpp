@@ -18,6 +18,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "../run_program.hpp"
 #include "arguments.hpp"
 
 namespace turbomap_replay {
@@ -75,9 +76,9 @@ inline void add_stage_options(CLI::App& app, command_line& line) {
       ->check(CLI::IsMember({"tracks", "pairs"}));
   app.add_option("--known-octaves", a.known_octaves,
                  "a keypoint that sees a point is beside a track's where their octaves differ by so many at most")
-      ->check(CLI::NonNegativeNumber);
+      ->check(turbomap_program::not_negative());
   app.add_option("--fewest-keyframes", a.fewest_keyframes, "keyframes that must see a new point of a track (1)")
-      ->check(CLI::PositiveNumber);
+      ->check(turbomap_program::positive());
   app.add_option("--lookalike-ratio", a.lookalike_ratio,
                  "of descriptor distances, for points that only two cameras of one keyframe see (0.8); 0: nobody asks")
       ->check(CLI::Range(0.0, 1.0));
@@ -89,7 +90,7 @@ inline void add_stage_options(CLI::App& app, command_line& line) {
   app.add_option(
          "--second-shared", a.second_shared,
          "adjust keyframes too that share so many points with one that shares enough with the current one; 0: none")
-      ->check(CLI::NonNegativeNumber);
+      ->check(turbomap_program::not_negative());
 }
 
 /// What is wrong with the value of --global-adjustment; empty: nothing. 0.5 and 1e3 are numbers, but not of keyframes.
@@ -113,14 +114,14 @@ inline void add_map_options(CLI::App& app, command_line& line) {
       ->check(end_or_count);
   app.add_option("--global-rounds", a.global_rounds,
                  "with --global-adjustment: look for duplicates around every keyframe and adjust again, so many times")
-      ->check(CLI::NonNegativeNumber);
+      ->check(turbomap_program::not_negative());
   app.add_option("--temporal-neighbours", a.temporal_neighbours,
                  "search and fuse with so many keyframes at least: predecessors in time where fewer share points")
-      ->check(CLI::NonNegativeNumber);
+      ->check(turbomap_program::not_negative());
   app.add_option("--culling-observers", a.culling_observers,
                  "a point is redundant in a keyframe when more than so many others see it; with --preset accurate only "
                  "beside --culling-share")
-      ->check(CLI::NonNegativeNumber);
+      ->check(turbomap_program::not_negative());
   app.add_option("--culling-share", a.culling_share, "a keyframe is, when more than this share of its points is")
       ->check(CLI::Range(0.0, 1.0));
 }
@@ -139,7 +140,7 @@ inline void add_tracking_options(CLI::App& app, command_line& line) {
       ->check(CLI::IsMember({"exact", "uncertain"}));
   app.add_flag("--queue", a.queue, "keyframes come in recorded time: stages are skipped while one waits");
   app.add_option("--rate", a.rate, "--queue, with keyframes that come so many times as fast")
-      ->check(CLI::PositiveNumber);
+      ->check(turbomap_program::positive());
 }
 
 /// How it is computed, and how much of it.
@@ -158,13 +159,13 @@ inline void add_computation_options(CLI::App& app, arguments& a) {
   app.add_option("--merges", a.merges, "what fusion does with points that a camera sees at two keypoints")
       ->check(CLI::IsMember({"refuse", "apart", "drop"}));
   app.add_option("--deadline-ms", a.deadline_ms, "milliseconds per keyframe: work that would overrun is cut")
-      ->check(CLI::NonNegativeNumber);
+      ->check(turbomap_program::not_negative());
   app.add_option("--most-views", a.most_views,
                  "of a point with more views, so many stand for all in descriptor and normal; 0: all take part")
-      ->check(CLI::NonNegativeNumber);
+      ->check(turbomap_program::not_negative());
   app.add_option("--behind", a.behind,
                  "for so many first keyframes the next one waits: their fusion, adjustment and culling are skipped")
-      ->check(CLI::NonNegativeNumber);
+      ->check(turbomap_program::not_negative());
 }
 
 /// What is told of the replay.
@@ -182,8 +183,9 @@ inline void add_output_options(CLI::App& app, arguments& a) {
                "simulated recordings: adjust what the map has, the right part of it, and what it lacks, and write the "
                "errors to the JSON");
   app.add_option("--perturb", a.perturb, "move the poses that come in by 1e-6 m at random, with this seed; 0: not")
-      ->check(CLI::NonNegativeNumber);
-  app.add_option("--repeat", a.repeat, "replay so many times and time all of them")->check(CLI::PositiveNumber);
+      ->check(turbomap_program::not_negative());
+  app.add_option("--repeat", a.repeat, "replay so many times and time all of them")
+      ->check(turbomap_program::positive());
 }
 
 inline void add_options(CLI::App& app, command_line& line) {
