@@ -1009,8 +1009,10 @@ TEST_CASE("bad options are refused when the mapper is made, and when they are ch
     change(options);
     CHECK_THROWS_AS(stereo_run<>{options}, std::invalid_argument);
     change(r.run.mapper.options());
+    const auto before = everything(r.run.map);
     CHECK_THROWS_AS(r.run.mapper.process(newest), std::invalid_argument);
     CHECK_THROWS_AS(r.run.mapper.fuse_around(newest), std::invalid_argument);
+    CHECK(everything(r.run.map) == before);
     r.run.mapper.options() = good;
   };
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
@@ -1025,10 +1027,35 @@ TEST_CASE("bad options are refused when the mapper is made, and when they are ch
   refuses([](auto& o) { o.checked_share = -0.01; });
   refuses([](auto& o) { o.checked_share = nan; });
   refuses([](auto& o) { o.extra_rounds = -1; });
+  // Those of each stage, before an earlier one has changed the map.
+  refuses([](auto& o) { o.point_culling.min_found_ratio = std::numeric_limits<float>::quiet_NaN(); });
+  refuses([](auto& o) { o.neighbours.neighbourhood.neighbours = -1; });
+  refuses([](auto& o) { o.search.line_chi2 = std::numeric_limits<float>::quiet_NaN(); });
+  refuses([](auto& o) { o.creation.mono_chi2 = nan; });
+  refuses([](auto& o) { o.fusion.search.radius = nan; });
+  refuses([](auto& o) { o.fusion.commit.entries_per_guard = -1; });
+  refuses([](auto& o) { o.fusion.commit.tolerance.chi2 = nan; });
   refuses([](auto& o) { o.creation.scales.levels = 4; });
   refuses([](auto& o) { o.fusion.search.scales.scale_factor = 1.5F; });
   refuses([](auto& o) { o.adjustment.scales.scale_factor = 1.5F; });
   refuses([](auto& o) { o.set_scales({1.5F, 4}); });  // the store has another pyramid
+  const auto refuses_to_adjust = [&](auto change) {
+    auto options = good;
+    using adjusting = turbomap::local_mapper<flat_map, sequential>;
+    CHECK_NOTHROW(adjusting(r.run.ctx, r.run.map, r.run.store, options));
+    change(options);
+    CHECK_THROWS_AS(adjusting(r.run.ctx, r.run.map, r.run.store, options), std::invalid_argument);
+  };
+  refuses_to_adjust([](auto& o) { o.adjustment.outlier_factor = nan; });
+  refuses_to_adjust([](auto& o) { o.adjustment.solve.initial_lambda = nan; });
+  refuses_to_adjust([](auto& o) { o.adjustment.solve.numbers = turbomap::precision::float64; });  // not compiled
+  auto named = good;
+  named.fusion.search.mono_chi2 = nan;
+  CHECK_THROWS_WITH_AS(stereo_run<>{named},
+                       "turbomap: options.fusion.search.mono_chi2 = nan: must be finite and positive",
+                       std::invalid_argument);
+  named.enabled[mapping_stage::fusion] = false;  // nobody reads it
+  stereo_run<>{named}.run.steps(1);
   CHECK(r.run.mapper.process(newest).outcome[mapping_stage::creation] == stage_outcome::done);
   CHECK(r.run.mapper.iterations() == 3);
   CHECK(r.sound());

@@ -18,6 +18,15 @@
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// Throws std::invalid_argument naming the option that is out of range.
+inline void check(const neighbourhood_options& o) {
+  require(o.min_shared_points >= 0, "options.min_shared_points", o.min_shared_points, "must not be negative");
+  require(o.neighbours >= 0, "options.neighbours", o.neighbours, "must not be negative");
+  require(o.temporal_neighbours >= 0, "options.temporal_neighbours", o.temporal_neighbours, "must not be negative");
+  require(o.second_neighbours >= 0, "options.second_neighbours", o.second_neighbours, "must not be negative");
+  require(o.temporal_targets >= 0, "options.temporal_targets", o.temporal_targets, "must not be negative");
+}
+
 /// Chooses keyframes around one; make one and use it again: its memory is reused. The caller holds the guard.
 ///
 /// `accept(keyframe)` says which keyframes may be chosen, e.g. those that are in a keyframe store. The others do not use up
@@ -77,14 +86,6 @@ class neighbourhood {
   }
 
  private:
-  static void check(const neighbourhood_options& o) {
-    require(o.min_shared_points >= 0, "options.min_shared_points", o.min_shared_points, "must not be negative");
-    require(o.neighbours >= 0, "options.neighbours", o.neighbours, "must not be negative");
-    require(o.temporal_neighbours >= 0, "options.temporal_neighbours", o.temporal_neighbours, "must not be negative");
-    require(o.second_neighbours >= 0, "options.second_neighbours", o.second_neighbours, "must not be negative");
-    require(o.temporal_targets >= 0, "options.temporal_targets", o.temporal_targets, "must not be negative");
-  }
-
   template <class Accept>
   void choose_neighbours(const Map& map, keyframe query, const neighbourhood_options& options, Accept accept) {
     neighbours_.clear();

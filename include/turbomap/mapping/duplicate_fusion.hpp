@@ -189,8 +189,7 @@ class duplicate_fusion {
 
   /// In parts: what others do to the map between two of them is met as what they did since the search.
   fusion_summary commit(const scope& s, const fusion_commit_options& options) {
-    require(options.entries_per_guard >= 0, "options.entries_per_guard", options.entries_per_guard,
-            "must not be negative");
+    check_fusion_commit(options);
     const std::size_t most =
         options.entries_per_guard == 0 ? plan_.size() : static_cast<std::size_t>(options.entries_per_guard);
     fusion_summary summary;

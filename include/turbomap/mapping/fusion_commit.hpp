@@ -58,6 +58,16 @@ inline fusion_action fusion_decision(int of_candidate, int of_keypoints_point) {
 
 TURBOMAP_BEGIN_NAMESPACE
 
+/// Throws std::invalid_argument naming the option that is out of range.
+inline void check_fusion_commit(const fusion_commit_options& o) {
+  require(o.tolerance.chi2 >= 0, "options.tolerance.chi2", o.tolerance.chi2, "must not be negative");
+  require(o.tolerance.position_chi2 >= 0, "options.tolerance.position_chi2", o.tolerance.position_chi2,
+          "must not be negative");
+  require(o.tolerance.scale_factor >= 1, "options.tolerance.scale_factor", o.tolerance.scale_factor,
+          "must be at least 1");
+  require(o.entries_per_guard >= 0, "options.entries_per_guard", o.entries_per_guard, "must not be negative");
+}
+
 /// Applies plans of duplicates to a map. Make one and use it again: its memory is reused.
 template <class Map>
 class fusion_commit {
@@ -86,11 +96,7 @@ class fusion_commit {
                             fault_sink faults = {}) {
     static_assert(require_map_traits<Map>());
     done_ = {};
-    require(options.tolerance.chi2 >= 0, "options.tolerance.chi2", options.tolerance.chi2, "must not be negative");
-    require(options.tolerance.position_chi2 >= 0, "options.tolerance.position_chi2", options.tolerance.position_chi2,
-            "must not be negative");
-    require(options.tolerance.scale_factor >= 1, "options.tolerance.scale_factor", options.tolerance.scale_factor,
-            "must be at least 1");
+    check_fusion_commit(options);
     actions_.assign(plan.size(), fusion_action::none);
     check(map, plan, targets, points, faults);
     make_room(touched_, touched_.size() + plan.size());  // an entry touches one point at most

@@ -3,10 +3,22 @@
 #pragma once
 
 /// \file
-/// Which options a local_mapper refuses when it is made. Its own are here, and of the stages' the baseline of
-/// stereo neighbours and the culling of keyframes; all others are checked by their stage when it is called.
+/// Which options a local_mapper refuses when it is made, and before a keyframe is processed: its own, and those of the stages
+/// that are on. A stage checks its options too, but the stages before it have changed the map by then.
 
+#include <cstring>
+#include <stdexcept>
+#include <string>
+
+#include "../adjustment/options_check.hpp"
+#include "../config.hpp"
 #include "../error.hpp"
+#include "../fusion/projection_check.hpp"
+#include "../map/neighbourhood.hpp"
+#include "../matching/creation_check.hpp"
+#include "../matching/search_check.hpp"
+#include "fusion_commit.hpp"
+#include "local_adjustment_check.hpp"
 #include "local_mapper_options.hpp"
 
 namespace turbomap {
@@ -30,10 +42,46 @@ inline void check(const local_mapper_options& options) {
   not_negative("options.extra_rounds", options.extra_rounds);
   not_negative("options.most_views", options.most_views);
   not_negative("options.neighbours.stereo_baseline", options.neighbours.stereo_baseline);
-  check(options.keyframe_culling);
   check_same_pyramid("options.creation.scales", options.creation.scales, options.search.scales);
   check_same_pyramid("options.fusion.search.scales", options.fusion.search.scales, options.search.scales);
   check_same_pyramid("options.adjustment.scales", options.adjustment.scales, options.search.scales);
 }
 
 }  // namespace turbomap
+
+TURBOMAP_BEGIN_NAMESPACE
+
+namespace detail {
+
+/// check(), which names the options of a stage; here they are a member of the mapper's.
+template <class Check>
+void check_member(const char* member, const Check& check) {
+  try {
+    check();
+  } catch (const std::invalid_argument& error) {
+    constexpr const char* of_stage = "turbomap: options.";
+    const std::string text = error.what();
+    if (text.rfind(of_stage, 0) != 0) throw;
+    throw std::invalid_argument(std::string(of_stage).append(member).append(".").append(text, std::strlen(of_stage)));
+  }
+}
+
+/// Throws std::invalid_argument naming an option of a stage that is on and would refuse it; adjustment is left out.
+template <class Descriptor>
+void check_stages(const local_mapper_options& o) {
+  const auto& on = o.enabled;
+  if (on[mapping_stage::point_culling]) check_member("point_culling", [&] { check(o.point_culling); });
+  if (on[mapping_stage::search] || on[mapping_stage::fusion] || on[mapping_stage::keyframe_culling])
+    check_member("neighbours.neighbourhood", [&] { check(o.neighbours.neighbourhood); });
+  if (on[mapping_stage::search]) check_member("search", [&] { check_search_options<Descriptor>(o.search); });
+  if (on[mapping_stage::creation])
+    check_member("creation", [&] { check_creation_options(o.creation, o.search.scales.scale_factor); });
+  if (on[mapping_stage::fusion]) {
+    check_member("fusion.search", [&] { check_projection_options<Descriptor>(o.fusion.search); });
+    check_member("fusion.commit", [&] { check_fusion_commit(o.fusion.commit); });
+  }
+}
+
+}  // namespace detail
+
+TURBOMAP_END_NAMESPACE

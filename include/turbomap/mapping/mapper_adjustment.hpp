@@ -47,6 +47,7 @@ struct adjustment_on<no_adjustment, Map> {
 template <template <class, class, class> class Adjustment, class User, class Policy, class Methods, class Map>
 struct adjustment_on<Adjustment<User, Policy, Methods>, Map> {
   using type = Adjustment<Map, Policy, Methods>;
+  using methods = Methods;  ///< that are compiled
 };
 
 /// The adjustment of all of the map, with the same solvers.
