@@ -64,8 +64,9 @@ struct places {
   std::filesystem::path out, candidate;
 };
 
-/// Throws std::invalid_argument where the recording would be removed: it is one of the two directories that are written.
+/// Throws std::invalid_argument where no directory is named, or the recording would be removed: it is one of the two that are written.
 inline void require_elsewhere(const std::filesystem::path& recording, const std::filesystem::path& named) {
+  if (named.empty()) throw std::invalid_argument("--out: names no directory");
   const places written(named);
   std::error_code not_there;
   for (const auto& folder : {written.out, written.candidate})

@@ -211,5 +211,6 @@ TEST_CASE("a recording is not written over itself") {
   std::filesystem::create_directories(recording);
   CHECK_THROWS_AS(turbomap_reduce::require_elsewhere(recording, recording), std::invalid_argument);
   CHECK_THROWS_AS(turbomap_reduce::require_elsewhere(recording, folder / "small" / ""), std::invalid_argument);
+  CHECK_THROWS_AS(turbomap_reduce::require_elsewhere(recording, ""), std::invalid_argument);
   CHECK_NOTHROW(turbomap_reduce::require_elsewhere(recording, folder / "other"));
 }
