@@ -122,7 +122,7 @@ TEST_CASE("descriptors are seen without a copy, and copied back") {
 }
 
 TEST_CASE("descriptors of 16-bit numbers") {
-  using D = real_descriptor<half, 64>;
+  using D = real_descriptor<turbomap::half, 64>;
   cv::Mat floats(3, 64, CV_32F), mat;
   for (int i = 0; i < 3 * 64; ++i) floats.ptr<float>()[i] = 0.25F * static_cast<float>(i) - 7;
   floats.convertTo(mat, CV_16F);
@@ -132,7 +132,7 @@ TEST_CASE("descriptors of 16-bit numbers") {
   for (std::size_t i = 0; i < rows.size(); ++i) CHECK(to_float(rows[i]) == 0.25F * static_cast<float>(i) - 7);
   const cv::Mat back = descriptors_to_opencv<D>(rows);
   CHECK(back.type() == CV_16F);
-  CHECK(std::memcmp(back.data, mat.data, rows.size() * sizeof(half)) == 0);
+  CHECK(std::memcmp(back.data, mat.data, rows.size() * sizeof(turbomap::half)) == 0);
   CHECK_THROWS_AS(descriptors_from_opencv<D>(floats), std::invalid_argument);
   CHECK_THROWS_AS(descriptors_from_opencv<D>(cv::Mat::zeros(3, 64, CV_16U)), std::invalid_argument);
 }

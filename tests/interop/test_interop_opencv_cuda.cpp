@@ -61,11 +61,13 @@ TEST_CASE("arrays are where the matrix is") {
 
 TEST_CASE("descriptors of 16-bit numbers are where the matrix is") {
   std::vector<std::uint16_t> numbers(128);
-  const auto descriptors = descriptors_from_gpu_mat<real_descriptor<half, 64>>(around(numbers, 2, 64, CV_16FC1));
+  const auto descriptors =
+      descriptors_from_gpu_mat<real_descriptor<turbomap::half, 64>>(around(numbers, 2, 64, CV_16FC1));
   CHECK(static_cast<const void*>(descriptors.data()) == numbers.data());
   CHECK(descriptors.size() == 128);
-  CHECK(refusal([&] { descriptors_from_gpu_mat<real_descriptor<half, 64>>(around(numbers, 2, 64, CV_16UC1)); }) ==
-        "turbomap: matrix.type() = CV_16UC1: must be CV_16FC1");
+  CHECK(refusal([&] {
+          descriptors_from_gpu_mat<real_descriptor<turbomap::half, 64>>(around(numbers, 2, 64, CV_16UC1));
+        }) == "turbomap: matrix.type() = CV_16UC1: must be CV_16FC1");
 }
 
 TEST_CASE("nothing is in an empty matrix") {
