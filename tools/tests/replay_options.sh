@@ -23,7 +23,7 @@ refused() {
 
 "$simulate" builtin --keyframes 6 --out "$work/short" >/dev/null
 short=$work/short
-refused '--rate: nan is not a finite number' "$short" --rate nan
+refused '--rate: nan is not a positive number' "$short" --rate nan
 refused '--stereo-correlation: nan' "$short" --stereo-correlation nan
 refused '--global-rounds: not without' "$short" --global-rounds 2
 refused '--marginal-prior: the replay is without an IMU' "$short" --marginal-prior
