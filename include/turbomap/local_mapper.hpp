@@ -281,19 +281,10 @@ class local_mapper {
     check(options_);
     check_same_pyramid("store.options().packing.pyramid", stored_.store().options().packing.pyramid,
                        options_.search.scales);
-    detail::check_stages<typename traits::descriptor>(options_);
-    if (options_.enabled[mapping_stage::keyframe_culling])
-      detail::check_member("keyframe_culling", [this] { detail::check_culling<Map>(options_.keyframe_culling); });
-    if constexpr (adjusts) {
-      if (!options_.enabled[mapping_stage::adjustment] || hooks_.adjust) return;
-      using methods = typename detail::adjustment_on<Adjustment, stage_map>::methods;
-      detail::check_member("adjustment", [this] { check(options_.adjustment); });
-      detail::check_member("adjustment.solve", [this] { detail::require_options<methods>(options_.adjustment.solve); });
-      if constexpr (inertial) {  // whoever names that adjustment includes its check
-        const auto found_later = [](const auto& of_imu) { check(of_imu); };
-        detail::check_member("inertial", [&] { found_later(options_.inertial); });
-      }
-    }
+    detail::check_stages<Map>(options_);
+    if constexpr (adjusts)
+      if (options_.enabled[mapping_stage::adjustment] && !hooks_.adjust)
+        detail::check_adjustment<Adjustment, stage_map>(options_);
   }
   void require_idle(const char* call) const {
     require(!processing_, call, "in a hook", "must wait until the call that runs has ended");

@@ -20,6 +20,8 @@
 #include "fusion_commit.hpp"
 #include "local_adjustment_check.hpp"
 #include "local_mapper_options.hpp"
+#include "mapper_adjustment.hpp"
+#include "redundant_keyframes.hpp"
 
 namespace turbomap {
 
@@ -67,18 +69,33 @@ void check_member(const char* member, const Check& check) {
 }
 
 /// Throws std::invalid_argument naming an option of a stage that is on and would refuse it; adjustment is left out.
-template <class Descriptor>
+template <class Map>
 void check_stages(const local_mapper_options& o) {
+  using descriptor = typename map_traits<Map>::descriptor;
   const auto& on = o.enabled;
   if (on[mapping_stage::point_culling]) check_member("point_culling", [&] { check(o.point_culling); });
   if (on[mapping_stage::search] || on[mapping_stage::fusion] || on[mapping_stage::keyframe_culling])
     check_member("neighbours.neighbourhood", [&] { check(o.neighbours.neighbourhood); });
-  if (on[mapping_stage::search]) check_member("search", [&] { check_search_options<Descriptor>(o.search); });
+  if (on[mapping_stage::search]) check_member("search", [&] { check_search_options<descriptor>(o.search); });
   if (on[mapping_stage::creation])
     check_member("creation", [&] { check_creation_options(o.creation, o.search.scales.scale_factor); });
   if (on[mapping_stage::fusion]) {
-    check_member("fusion.search", [&] { check_projection_options<Descriptor>(o.fusion.search); });
+    check_member("fusion.search", [&] { check_projection_options<descriptor>(o.fusion.search); });
     check_member("fusion.commit", [&] { check_fusion_commit(o.fusion.commit); });
+  }
+  if (on[mapping_stage::keyframe_culling])
+    check_member("keyframe_culling", [&] { check_culling<Map>(o.keyframe_culling); });
+}
+
+/// The same of the adjustment that the mapper runs on the map of its stages.
+template <class Adjustment, class Map>
+void check_adjustment(const local_mapper_options& o) {
+  using methods = typename adjustment_on<Adjustment, Map>::methods;
+  check_member("adjustment", [&] { check(o.adjustment); });
+  check_member("adjustment.solve", [&] { require_options<methods>(o.adjustment.solve); });
+  if constexpr (is_inertial<Adjustment>::value) {  // whoever names that adjustment includes its check
+    const auto found_later = [](const auto& of_imu) { check(of_imu); };
+    check_member("inertial", [&] { found_later(o.inertial); });
   }
 }
 
